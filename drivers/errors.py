@@ -1,0 +1,230 @@
+"""One tree of errors for all that the drivers raise. No HTTP in it: `app/problems.py` gives each its status.
+
+Every error says in one sentence what happened, carries where (node, axis, object) and, in `hint`, what to do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Obstacle:
+    """One thing that prevents a command now, and its remedy."""
+
+    code: str
+    """Stable name in snake_case, e.g. ``not_enabled``."""
+    message: str
+    """What is the matter, as a sentence."""
+    remedy: str
+    """What to do about it, as a sentence."""
+
+
+class CanaxisError(Exception):
+    """The root. `code` is a stable name in snake_case for programs; `hint` tells a person what to do."""
+
+    code: str = "error"
+    hint: str = ""
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        hint: str | None = None,
+        node: int | None = None,
+        axis: int | None = None,
+        index: int | None = None,
+        sub: int | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.message = message
+        if hint is not None:
+            self.hint = hint
+        self.node = node
+        self.axis = axis
+        self.index = index
+        self.sub = sub
+
+    def __str__(self) -> str:
+        return self.message
+
+
+# --- the wire ---------------------------------------------------------------------------------------------------
+
+
+class BusError(CanaxisError):
+    """The wire, not a node, is the matter."""
+
+    code = "bus_error"
+    hint = "Check the CAN interface, its cable and its bit rate; see GET /api/v1/bus."
+
+
+class BusDown(BusError):
+    """The bus can't carry a frame now: not open, unplugged, or bus-off. Whether motors stand is unknown."""
+
+    code = "bus_down"
+
+
+class BusOverflow(BusError):
+    """The transmit queue is full: nobody acknowledges our frames, or we send more than the wire carries."""
+
+    code = "bus_overflow"
+
+
+# --- a node -----------------------------------------------------------------------------------------------------
+
+
+class NodeError(CanaxisError):
+    """Something is the matter with one node."""
+
+    code = "node_error"
+
+
+class UnknownNode(NodeError):
+    """No node of that ID or name is configured."""
+
+    code = "unknown_node"
+    hint = "List the configured nodes with GET /api/v1/nodes."
+
+
+class UnknownAxis(NodeError):
+    """The node has no axis of that number or name."""
+
+    code = "unknown_axis"
+    hint = "List the node's axes with GET /api/v1/nodes/{node}."
+
+
+class NodeAway(NodeError):
+    """The node is absent, lost, or not yet configured, so it can't be commanded."""
+
+    code = "node_away"
+    hint = "Check the node's supply and cable; it is configured by itself as soon as it answers."
+
+
+class WrongIdentity(NodeError):
+    """The node is something else than the configuration says (1000h, 1018h)."""
+
+    code = "wrong_identity"
+    hint = "Correct the node's ID or model in the configuration, or connect the configured module."
+
+
+class ConfigurationRefused(NodeError):
+    """The node refused, or read back differently, something that it must hold before it may be used."""
+
+    code = "configuration_refused"
+
+
+# --- SDO --------------------------------------------------------------------------------------------------------
+
+
+class SdoError(NodeError):
+    """A service data object transfer did not succeed."""
+
+    code = "sdo_error"
+
+
+class SdoAborted(SdoError):
+    """The node refused the transfer. `abort_code` and its `meaning` say why (manual section 12)."""
+
+    code = "sdo_aborted"
+
+    def __init__(
+        self, message: str, *, abort_code: int, meaning: str, hint: str | None = None, **where: int | None
+    ) -> None:
+        super().__init__(message, hint=hint, **where)
+        self.abort_code = abort_code
+        self.meaning = meaning
+
+
+class SdoTimeout(SdoError):
+    """No answer came in time. A write may or may not have taken effect: read back before anything else."""
+
+    code = "sdo_timeout"
+    hint = "The outcome is unknown: read the object back before you write again."
+
+
+class SdoProtocolError(SdoError):
+    """The node's answer broke the protocol (wrong toggle, wrong length); we aborted the transfer."""
+
+    code = "sdo_protocol"
+    hint = "Check for a second node with the same ID, or for a second master on the bus."
+
+
+class UnknownObject(NodeError):
+    """The module's profile holds no such object."""
+
+    code = "unknown_object"
+    hint = "See the object dictionary of the module's manual; sub-indices are decimal, indices hexadecimal."
+
+
+class BadValue(CanaxisError):
+    """A value is outside what the object or the command takes. Nothing was sent."""
+
+    code = "bad_value"
+
+
+class GuardedObject(NodeError):
+    """Writing this object past the service could endanger motion; it needs a confirmation, or is never allowed."""
+
+    code = "guarded_object"
+
+
+# --- an axis ----------------------------------------------------------------------------------------------------
+
+
+class AxisError(NodeError):
+    """Something is the matter with one axis."""
+
+    code = "axis_error"
+
+
+class NotReady(AxisError):
+    """The axis can't do this now; `obstacles` names each reason with its remedy. Nothing was sent."""
+
+    code = "not_ready"
+
+    def __init__(
+        self, message: str, *, obstacles: tuple[Obstacle, ...], hint: str | None = None, **where: int | None
+    ) -> None:
+        super().__init__(
+            message, hint=hint if hint is not None else " ".join(o.remedy for o in obstacles), **where
+        )
+        self.obstacles = obstacles
+
+
+class AxisBusy(NotReady):
+    """Another command holds the axis; a stop would end it."""
+
+    code = "axis_busy"
+
+
+class StopLatched(NotReady):
+    """A stop for everything was given and not yet reset."""
+
+    code = "stop_latched"
+
+
+class MotionFailed(AxisError):
+    """A motion that had begun did not reach its end."""
+
+    code = "motion_failed"
+
+
+class MotionTimeout(MotionFailed):
+    """A motion did not end in the time that it should have taken; the axis was told to stop."""
+
+    code = "motion_timeout"
+
+
+class AxisFault(MotionFailed):
+    """The drive went to FAULT; the active emergencies say why."""
+
+    code = "axis_fault"
+    hint = "Remove the cause, then POST reset-fault and enable the axis again."
+
+
+class TransitionTimeout(AxisError):
+    """The drive did not reach a CiA 402 state in time."""
+
+    code = "transition_timeout"
+    hint = "Read the axis's status; look at the supply and the enable input of the module, then try again."
