@@ -1,0 +1,1 @@
+"""CiA 402 as pure code: statuswords in, controlwords out. No I/O, and time only as an argument."""
