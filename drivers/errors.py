@@ -49,7 +49,7 @@ class CanaxisError(Exception):
         return self.message
 
 
-# --- the wire ---------------------------------------------------------------------------------------------------
+# --- the wire ---
 
 
 class BusError(CanaxisError):
@@ -71,7 +71,7 @@ class BusOverflow(BusError):
     code = "bus_overflow"
 
 
-# --- a node -----------------------------------------------------------------------------------------------------
+# --- a node ---
 
 
 class NodeError(CanaxisError):
@@ -114,7 +114,7 @@ class ConfigurationRefused(NodeError):
     code = "configuration_refused"
 
 
-# --- SDO --------------------------------------------------------------------------------------------------------
+# --- SDO ---
 
 
 class SdoError(NodeError):
@@ -164,12 +164,12 @@ class BadValue(CanaxisError):
 
 
 class GuardedObject(NodeError):
-    """Writing this object past the service could endanger motion; it needs a confirmation, or is never allowed."""
+    """Writing this object could endanger motion: it needs a confirmation, or is never allowed."""
 
     code = "guarded_object"
 
 
-# --- an axis ----------------------------------------------------------------------------------------------------
+# --- an axis ---
 
 
 class AxisError(NodeError):

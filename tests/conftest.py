@@ -39,8 +39,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_asyncio_loop_factories(item: pytest.Item) -> Mapping[str, Callable[[], asyncio.AbstractEventLoop]]:
     """Run tests marked `looptime` on a virtual clock from their first fixture to their last teardown.
 
-    The plugin alone turns the clock on for the test's body only: timers that a fixture set would then be due a
-    lifetime later, or all at once.
+    The plugin alone turns the clock on for the test's body only: timers that a fixture set would then be due
+    a lifetime later, or all at once.
     """
     virtual = item.get_closest_marker("looptime") is not None
     return {"virtual": looptime.new_event_loop} if virtual else {"real": asyncio.new_event_loop}
