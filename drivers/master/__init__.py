@@ -1,0 +1,62 @@
+"""The async shell: a network of nodes, each supervised by itself, each axis in charge of what it does."""
+
+from __future__ import annotations
+
+from drivers.master.axis import Axis
+from drivers.master.config import AxisConfig, NetworkConfig, NodeConfig
+from drivers.master.emergencies import EmergencyRecord
+from drivers.master.events import Event, EventHub, Subscription
+from drivers.master.motion import Motion, MotionCancelled, MotionKind, MotionState
+from drivers.master.network import Network
+from drivers.master.node import Node
+from drivers.master.readiness import AxisCommand
+from drivers.master.requests import HomeRequest, MoveRequest, VelocityRequest
+from drivers.master.sdo_client import Priority
+from drivers.master.status import (
+    AxisStatus,
+    AxisStop,
+    BusStatus,
+    Failsafe,
+    Identity,
+    NodeState,
+    NodeStatus,
+    StopLatch,
+    StopOutcome,
+    StopReport,
+    Switches,
+)
+from drivers.master.timing import Timing
+
+__all__ = [
+    "Axis",
+    "AxisCommand",
+    "AxisConfig",
+    "AxisStatus",
+    "AxisStop",
+    "BusStatus",
+    "EmergencyRecord",
+    "Event",
+    "EventHub",
+    "Failsafe",
+    "HomeRequest",
+    "Identity",
+    "Motion",
+    "MotionCancelled",
+    "MotionKind",
+    "MotionState",
+    "MoveRequest",
+    "Network",
+    "NetworkConfig",
+    "Node",
+    "NodeConfig",
+    "NodeState",
+    "NodeStatus",
+    "Priority",
+    "StopLatch",
+    "StopOutcome",
+    "StopReport",
+    "Subscription",
+    "Switches",
+    "Timing",
+    "VelocityRequest",
+]

@@ -1,0 +1,145 @@
+"""What an axis must hold before it may be used: safe options and ramps that are not zero, all read back.
+
+The order of the writes matters where the module compares two objects with each other (VSTOP with VSTART, one
+software limit with the other).
+"""
+
+from __future__ import annotations
+
+from drivers.cia402 import objects
+from drivers.cia402.power import PowerState, Statusword, decode_state
+from drivers.errors import NotReady, Obstacle
+from drivers.master.axis_tools import AxisTools
+from drivers.master.config import INT32_MAX, INT32_MIN
+from drivers.master.sdo_client import Priority
+
+SWITCH_PARAMETERS = 0x2005
+START_VELOCITY = 0x2010
+DECELERATION_D1 = 0x2013
+DECELERATION_D2 = 0x2018
+VELOCITY_DIMENSION = 0x208C
+PULSES_PER_SECOND = 181
+"""208Ch: velocities in pps, accelerations in pps/s (manual §4.2.19)."""
+QUICK_STOP_RAMP_THEN_OFF = 2
+"""605Ah: slow down with 6085h, then SWITCH_ON_DISABLED (manual §5.1.1)."""
+
+
+class AxisSetup:
+    """Configures one axis by SDO.
+
+    Raises `ConfigurationRefused` with what differs, and `SdoError`, `BusError`.
+    """
+
+    def __init__(self, tools: AxisTools) -> None:
+        self._tools = tools
+
+    async def look(self) -> tuple[int, int, int]:
+        """Statusword, mode and position, as an SDO reads them."""
+        return (
+            await self._read(objects.STATUSWORD),
+            await self._read(objects.MODE_DISPLAY),
+            await self._read(objects.POSITION),
+        )
+
+    async def configure(self) -> bool:
+        """Everything, for an axis that stands; False if that must wait until the axis is switched off.
+
+        `make_safe` is done in any case.
+        """
+        await self.make_safe()
+        state = self._tools.drive.status.state
+        if state is PowerState.SWITCH_ON_DISABLED:
+            await self._establish(VELOCITY_DIMENSION, PULSES_PER_SECOND)
+            await self._establish(SWITCH_PARAMETERS, self._tools.config.switch_parameters)
+        elif is_running(self._tools.drive.status.statusword) or await self._differences_that_need_power_off():
+            return False
+        await self._establish_motion()
+        return True
+
+    async def make_safe(self) -> None:
+        """For any axis, a running one too: what only matters when it is to stop."""
+        await self._establish(objects.QUICK_STOP_OPTION, QUICK_STOP_RAMP_THEN_OFF)
+        await self._establish(objects.QUICK_STOP_DECELERATION, self._tools.config.quick_stop_deceleration)
+
+    async def claim(self) -> None:
+        """For an adopted axis at standstill: what `configure` left out when it was found enabled.
+
+        What can be written only in SWITCH_ON_DISABLED must be right already; else `NotReady`.
+        """
+        state = self._tools.drive.status.state
+        if state is not PowerState.SWITCH_ON_DISABLED:
+            wrong = await self._differences_that_need_power_off()
+            if wrong:
+                obstacle = Obstacle("disable_first", wrong, "Disable the axis, then enable it again.")
+                raise NotReady(
+                    wrong, obstacles=(obstacle,), node=self._tools.node_id, axis=self._tools.number
+                )
+            await self._establish_motion()
+        else:
+            await self.configure()
+
+    async def _differences_that_need_power_off(self) -> str:
+        wrong: list[str] = []
+        wanted = {
+            VELOCITY_DIMENSION: PULSES_PER_SECOND,
+            SWITCH_PARAMETERS: self._tools.config.switch_parameters,
+        }
+        for index, value in wanted.items():
+            if self._has(index):
+                held = await self._read(index)
+                if held != value:
+                    wrong.append(f"{index:04X}h is {held} instead of {value}")
+        return f"Axis {self._tools.config.name}: {', '.join(wrong)}." if wrong else ""
+
+    async def _establish_motion(self) -> None:
+        config = self._tools.config
+        await self._establish(objects.POSITION_WINDOW, 0)
+        await self._establish(objects.POSITION_WINDOW_TIME, 0)
+        await self._establish_pair(
+            (START_VELOCITY, 0, config.start_velocity), (objects.END_VELOCITY, 0, config.end_velocity)
+        )
+        for index in (DECELERATION_D1, DECELERATION_D2):
+            await self._establish(index, config.deceleration)
+        await self._establish(objects.PROFILE_VELOCITY, config.velocity)
+        await self._establish(objects.PROFILE_ACCELERATION, config.acceleration)
+        await self._establish(objects.PROFILE_DECELERATION, config.deceleration)
+        await self._establish(objects.HOMING_SPEEDS, config.homing_fast, sub=1)
+        await self._establish(objects.HOMING_SPEEDS, config.homing_slow, sub=2)
+        await self._establish(objects.HOMING_ACCELERATION, config.homing_acceleration)
+        await self._establish(objects.HOME_OFFSET, config.home_offset)
+        low, high = config.soft_limits or (INT32_MIN, INT32_MAX)
+        await self._establish_pair((objects.SOFTWARE_LIMIT, 1, low), (objects.SOFTWARE_LIMIT, 2, high))
+        await self._establish(objects.POSITIONING_OPTION, 0)
+
+    async def _establish_pair(self, lower: tuple[int, int, int], upper: tuple[int, int, int]) -> None:
+        """Two objects of which the first must never pass the second, on the way either."""
+        if not (self._has(lower[0], lower[1]) and self._has(upper[0], upper[1])):
+            return
+        held = await self._read(lower[0], lower[1])
+        order = (upper, lower) if upper[2] >= held else (lower, upper)
+        for index, sub, value in order:
+            await self._establish(index, value, sub=sub)
+
+    def _has(self, index: int, sub: int = 0) -> bool:
+        return self._tools.objects.has(index, sub, self._tools.number)
+
+    async def _read(self, index: int, sub: int = 0) -> int:
+        address = self._tools.objects.address(index, sub, self._tools.number)
+        return await self._tools.objects.read_int(address, priority=Priority.CONFIGURE)
+
+    async def _establish(self, index: int, value: int, *, sub: int = 0) -> None:
+        """Write and read back, where the model has the object."""
+        if self._has(index, sub):
+            await self._tools.objects.establish(
+                self._tools.objects.address(index, sub, self._tools.number), value
+            )
+
+
+def is_running(statusword: int) -> bool:
+    """Whether a statusword shows an axis that must not be touched: enabled, turning or stopping."""
+    state = decode_state(statusword)
+    return bool(statusword & Statusword.MOTOR_ACTIVITY) or state in (
+        PowerState.OPERATION_ENABLED,
+        PowerState.QUICK_STOP_ACTIVE,
+        PowerState.FAULT_REACTION_ACTIVE,
+    )

@@ -1,0 +1,107 @@
+"""What every command of an axis works with, and the drive parameters that it already wrote."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from drivers.cia301.objects import Address
+from drivers.cia402.modes import Mode
+from drivers.cia402.power import Controlword, PowerState
+from drivers.errors import AxisFault, MotionFailed, TransitionTimeout
+from drivers.master.config import AxisConfig
+from drivers.master.drive import Drive
+from drivers.master.object_access import ObjectAccess
+from drivers.master.sdo_client import Priority
+from drivers.master.status import AxisStatus
+from drivers.master.timing import Timing
+from drivers.master.where import Where
+
+Parameter = tuple[int, int]
+"""Base index and sub-index."""
+
+
+class DriveParameters:
+    """Writes an axis's drive parameters by SDO, but only those that the module does not hold already."""
+
+    def __init__(self, objects: ObjectAccess, axis: int) -> None:
+        self._objects = objects
+        self._axis = axis
+        self._held: dict[Address, int] = {}
+
+    async def require(self, values: Mapping[Parameter, int]) -> None:
+        """Have the module hold these values. Raises `BadValue`, `SdoError` or `BusError`."""
+        for (index, sub), value in values.items():
+            address = self._objects.address(index, sub, self._axis)
+            if self._held.get(address) != value:
+                self._held.pop(address, None)  # until confirmed, what it holds is unknown
+                await self._objects.write(address, value, priority=Priority.CONTROL)
+                self._held[address] = value
+
+    def forget(self, address: Address | None = None) -> None:
+        """The module may hold something else now: at one address, or (None) everywhere."""
+        if address is None:
+            self._held.clear()
+        else:
+            self._held.pop(address, None)
+
+
+@dataclass(frozen=True, slots=True)
+class AxisTools:
+    """One axis's drive, objects, configuration and times."""
+
+    node_id: int
+    number: int
+    config: AxisConfig
+    timing: Timing
+    drive: Drive
+    objects: ObjectAccess
+    parameters: DriveParameters
+
+    @property
+    def where(self) -> Where:
+        """`node` and `axis`, for an error."""
+        return {"node": self.node_id, "axis": self.number}
+
+    def require_enabled(self, status: AxisStatus) -> None:
+        """Raise `AxisFault`, or `MotionFailed` where the drive left OPERATION_ENABLED otherwise."""
+        if status.state is PowerState.OPERATION_ENABLED:
+            return
+        if status.state in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE):
+            raise self.fault(status)
+        raise MotionFailed(
+            f"Axis {self.config.name} left OPERATION_ENABLED during the motion; it is "
+            f"{status.state or 'in no known state'} now.",
+            hint="Look at the module's enable input and supply, then enable the axis again.",
+            **self.where,
+        )
+
+    def fault(self, status: AxisStatus) -> AxisFault:
+        """The error for a drive in FAULT, with what its active emergencies say."""
+        causes = "; ".join(f"{e.title} ({e.code:04X}h)" for e in status.emergencies)
+        remedies = " ".join(e.remedy for e in status.emergencies)
+        return AxisFault(
+            f"Axis {self.config.name} is in FAULT: {causes or 'no emergency names the cause'}.",
+            hint=f"{remedies} Then reset the fault and enable the axis again.".strip(),
+            **self.where,
+        )
+
+    async def settle(self) -> None:
+        """At standstill: let the position that belongs to it arrive; it travels apart from the statusword."""
+        await self.drive.until(lambda status: status.velocity == 0, 1.5 * self.timing.pdo_event_timer)
+
+    async def enter_mode(self, mode: Mode, controlword: int = Controlword.ENABLE_OPERATION) -> None:
+        """6060h by RPDO 1, and wait until 6061h follows. Raises `TransitionTimeout`."""
+        drive = self.drive
+        if drive.commanded_mode is mode and drive.status.mode is mode and drive.controlword == controlword:
+            return
+
+        def command() -> None:
+            drive.command(controlword, mode)
+
+        command()
+        if not await drive.until(lambda s: s.mode is mode, self.timing.mode_change, resend=command):
+            raise TransitionTimeout(
+                f"Axis {self.config.name} did not enter mode {mode.short} in {self.timing.mode_change} s.",
+                **self.where,
+            )

@@ -1,0 +1,42 @@
+"""What all nodes of a bus share: the wire, the events, the times, the stop latch, and where bugs are
+reported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from drivers.bus.base import Bus
+from drivers.bus.frame import Frame
+from drivers.errors import BusError
+from drivers.master.config import NetworkConfig
+from drivers.master.counters import NetworkCounters
+from drivers.master.events import EventHub
+from drivers.master.status import StopLatch
+from drivers.master.timing import Timing
+
+
+class Backbone:
+    """Made by the network, handed down to its nodes and axes."""
+
+    def __init__(
+        self, bus: Bus, config: NetworkConfig, timing: Timing, on_bug: Callable[[BaseException], None]
+    ) -> None:
+        self.bus = bus
+        self.config = config
+        self.timing = timing
+        self.events = EventHub()
+        self.counters = NetworkCounters()
+        self.stop_latched: StopLatch | None = None
+        self.closing = False
+        """Whether new work is refused because the network is being closed."""
+        self.report_bug = on_bug
+
+    def send(self, frame: Frame, urgent: bool = False) -> None:
+        """Put a frame on the bus. Raises `BusError`."""
+        try:
+            self.bus.send(frame, urgent=urgent)
+        except BusError:
+            self.counters.send_failures += 1
+            raise
+        self.counters.sent += 1

@@ -1,0 +1,241 @@
+"""One axis on the wire: its status as the TPDOs bring it, and the RPDOs that command it.
+
+The drive remembers the controlword that it sent last, so that lowering bit 4 after a stop sends nothing and
+never takes a halt back.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import replace
+
+from drivers.bus.frame import Frame
+from drivers.cia301.pdo import PdoLengthError
+from drivers.cia402.modes import Mode
+from drivers.cia402.objects import DigitalInput
+from drivers.cia402.power import Controlword, PowerState, Statusword, decode_state, holding_controlword
+from drivers.master.counters import NodeCounters
+from drivers.master.emergencies import EmergencyRecord
+from drivers.master.pdo_plan import AxisPdos
+from drivers.master.status import AxisStatus, Switches
+from drivers.master.timing import Timing
+
+Condition = Callable[[AxisStatus], bool]
+"""Looks at a status; may raise a `CanaxisError`, which then ends the waiting."""
+
+Send = Callable[[Frame, bool], None]
+"""Puts a frame on the bus, urgently or not; raises `BusError`."""
+
+
+class Drive:
+    """The status and the commands of one axis. It decides nothing."""
+
+    def __init__(
+        self,
+        pdos: AxisPdos,
+        send: Send,
+        timing: Timing,
+        counters: NodeCounters,
+        on_status: Callable[[AxisStatus], None],
+    ) -> None:
+        self._pdos = pdos
+        self._send = send
+        self._timing = timing
+        self._counters = counters
+        self._on_status = on_status
+        self._waiters: list[tuple[Condition, asyncio.Future[bool]]] = []
+        self.status = AxisStatus()
+        self.status_at: float | None = None
+        """Loop time of the last TPDO 1."""
+        self.motion_at: float | None = None
+        """Loop time of the last TPDO 2."""
+        self.controlword: int | None = None
+        """What was commanded last; None: nothing since the node's last boot-up."""
+        self.commanded_mode: Mode | None = None
+        self.commanded_velocity = 0
+        """60FFh as sent last, steps/s."""
+        self._target = 0
+
+    # --- upwards ---
+
+    def on_status_pdo(self, frame: Frame) -> None:
+        """TPDO 1: statusword, mode, inputs."""
+        try:
+            statusword, mode, inputs = self._pdos.status.mapping.unpack(frame.data)
+        except PdoLengthError:
+            self._counters.short_pdos += 1
+            return
+        self._counters.pdos += 1
+        self.status_at = asyncio.get_running_loop().time()
+        self._replace(self._with_statusword(statusword, mode, inputs))
+
+    def on_motion_pdo(self, frame: Frame) -> None:
+        """TPDO 2: position, velocity."""
+        try:
+            position, velocity = self._pdos.motion.mapping.unpack(frame.data)
+        except PdoLengthError:
+            self._counters.short_pdos += 1
+            return
+        self._counters.pdos += 1
+        self.motion_at = asyncio.get_running_loop().time()
+        self._replace(replace(self.status, position=position, velocity=velocity, **self._freshness()))
+
+    def seed(self, statusword: int, mode: int, position: int) -> None:
+        """What was read by SDO before PDOs flow; the status stays stale until they do."""
+        seen = self._with_statusword(statusword, mode, 0)
+        self.status_at = self.motion_at = None
+        self._replace(replace(seen, position=position, stale=True))
+
+    def note(self, *, referenced: bool) -> None:
+        """A homing was attained, or the reference is lost."""
+        if referenced is not self.status.referenced:
+            self._replace(replace(self.status, referenced=referenced))
+
+    def note_emergencies(self, active: tuple[EmergencyRecord, ...]) -> None:
+        """What is active on this axis now."""
+        self._replace(replace(self.status, emergencies=active))
+
+    def note_stale(self) -> None:
+        """A status TPDO is overdue."""
+        if not self.status.stale:
+            self._replace(replace(self.status, stale=True))
+
+    def forget(self) -> None:
+        """The module started anew: nothing that was commanded or seen holds any more."""
+        self.controlword = None
+        self.commanded_mode = None
+        self.commanded_velocity = 0
+        self.status_at = self.motion_at = None
+        self._replace(AxisStatus(emergencies=self.status.emergencies))
+
+    async def until(
+        self, condition: Condition, seconds: float, *, resend: Callable[[], None] | None = None
+    ) -> bool:
+        """Wait until a status meets `condition`; False if none does within `seconds`.
+
+        `resend` is called each `Timing.resend` in between: only for what is idempotent.
+        """
+        loop = asyncio.get_running_loop()
+        met: asyncio.Future[bool] = loop.create_future()
+        waiter = (condition, met)
+        self._waiters.append(waiter)
+        try:
+            if condition(self.status):
+                return True
+            deadline = loop.time() + seconds
+            while (remaining := deadline - loop.time()) > 0:
+                await asyncio.wait(
+                    {met}, timeout=min(remaining, self._timing.resend) if resend else remaining
+                )
+                if met.done():
+                    return met.result()
+                if resend is not None:
+                    resend()
+            return False
+        finally:
+            self._waiters.remove(waiter)
+            if met.done():
+                met.exception()  # retrieved, should the waiting task have been cancelled at the same moment
+
+    # --- downwards ---
+
+    @property
+    def mode(self) -> Mode:
+        """The mode that counts now: the commanded one, else the one that the drive shows."""
+        return self.status.mode if self.commanded_mode is None else self.commanded_mode
+
+    @property
+    def energised(self) -> bool:
+        """Whether OPERATION_ENABLED was seen last, or is just being commanded."""
+        state = self.status.state
+        if state is PowerState.OPERATION_ENABLED:
+            return True
+        enabling = self.controlword is not None and self.controlword & 0x8F == Controlword.ENABLE_OPERATION
+        return enabling and state in (PowerState.READY_TO_SWITCH_ON, PowerState.SWITCHED_ON)
+
+    @property
+    def holding(self) -> int:
+        """The controlword that keeps the drive in the state that it shows."""
+        state = self.status.state
+        return Controlword.DISABLE_VOLTAGE if state is None else holding_controlword(state)
+
+    def command(self, controlword: int, mode: Mode, *, urgent: bool = False) -> None:
+        """RPDO 1."""
+        self.controlword, self.commanded_mode = controlword, mode
+        pdo = self._pdos.power
+        self._send(Frame(pdo.cob_id, pdo.mapping.pack((controlword, mode))), urgent)
+
+    def command_position(self, controlword: int, target: int) -> None:
+        """RPDO 2; `target` in steps."""
+        self.controlword, self._target = controlword, target
+        pdo = self._pdos.position
+        self._send(Frame(pdo.cob_id, pdo.mapping.pack((controlword, target))), False)
+
+    def command_velocity(self, controlword: int, velocity: int, *, urgent: bool = False) -> None:
+        """RPDO 3; `velocity` in steps/s."""
+        self.controlword, self.commanded_velocity = controlword, velocity
+        pdo = self._pdos.velocity
+        self._send(Frame(pdo.cob_id, pdo.mapping.pack((controlword, velocity))), urgent)
+
+    def lower_set_point(self) -> None:
+        """Take bit 4 back after a set point; sends nothing if it is low already."""
+        if self.controlword is not None and self.controlword & Controlword.NEW_SET_POINT:
+            self.command_position(self.controlword & ~Controlword.NEW_SET_POINT, self._target)
+
+    def halt(self, *, urgent: bool = True) -> None:
+        """Begin the ramp down to standstill, as the mode has it; stays OPERATION_ENABLED. Idempotent.
+
+        Never sent to a drive that is not energised: 0Fh would enable it.
+        """
+        enabled = Controlword.ENABLE_OPERATION
+        match self.mode:
+            case Mode.HOMING:  # knows no halt bit: bit 4 = 0 stops (manual §8.2.1)
+                self.command(enabled, Mode.HOMING, urgent=urgent)
+            case Mode.PROFILE_VELOCITY | Mode.CYCLIC_SYNC_VELOCITY:
+                self.command_velocity(enabled | Controlword.HALT, 0, urgent=urgent)
+            case mode:
+                self.command(enabled | Controlword.HALT, mode, urgent=urgent)
+
+    # --- inside ---
+
+    def _with_statusword(self, statusword: int, mode: int, inputs: int) -> AxisStatus:
+        return replace(
+            self.status,
+            state=decode_state(statusword),
+            mode=_mode(mode),
+            statusword=statusword,
+            target_reached=bool(statusword & Statusword.TARGET_REACHED),
+            moving=bool(statusword & Statusword.MOTOR_ACTIVITY),
+            switches=Switches(
+                negative_limit=bool(inputs & DigitalInput.NEGATIVE_LIMIT),
+                positive_limit=bool(inputs & DigitalInput.POSITIVE_LIMIT),
+                home=bool(inputs & DigitalInput.HOME_SWITCH),
+            ),
+            **self._freshness(),
+        )
+
+    def _freshness(self) -> dict[str, float | bool]:
+        if self.status_at is None or self.motion_at is None:
+            return {}
+        oldest = min(self.status_at, self.motion_at)
+        age = asyncio.get_running_loop().time() - oldest
+        return {"updated": oldest, "stale": age > self._timing.status_stale * self._timing.pdo_event_timer}
+
+    def _replace(self, status: AxisStatus) -> None:
+        self.status = status
+        for condition, met in tuple(self._waiters):
+            if not met.done():
+                try:
+                    if condition(status):
+                        met.set_result(True)
+                except Exception as error:
+                    met.set_exception(error)
+        self._on_status(status)
+
+
+def _mode(value: int) -> Mode:
+    try:
+        return Mode(value)
+    except ValueError:
+        return Mode.NO_MODE

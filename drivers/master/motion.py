@@ -1,0 +1,139 @@
+"""A motion: what was asked of an axis, how far it got, and how it ended. The axis owns and drives it."""
+
+from __future__ import annotations
+
+import asyncio
+import enum
+import uuid
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+from drivers.errors import CanaxisError
+
+if TYPE_CHECKING:
+    from drivers.master.axis import Axis
+    from drivers.master.requests import Request
+
+
+class MotionKind(enum.StrEnum):
+    """What sort of motion."""
+
+    MOVE = "move"
+    VELOCITY = "velocity"
+    HOME = "home"
+
+
+class MotionState(enum.StrEnum):
+    """How far a motion is; the last three are ends and never change again."""
+
+    QUEUED = "queued"
+    """Accepted; parameters are being written."""
+    RUNNING = "running"
+    """The drive was told to begin."""
+    SUCCEEDED = "succeeded"
+    FAILED = "failed"
+    """`Motion.error` says why."""
+    CANCELLED = "cancelled"
+    """A stop, a disable or another command ended it; `Motion.error` says which. The axis may still be ramping
+    down for a moment: `Motion.cancel` and `Axis.stop` return at standstill."""
+
+    @property
+    def ended(self) -> bool:
+        """Whether it is one of the ends."""
+        return self in (MotionState.SUCCEEDED, MotionState.FAILED, MotionState.CANCELLED)
+
+
+Result = Mapping[str, int | float | bool]
+"""`position` in steps, and for a move its absolute `target`, for a turning its `velocity`, for a homing
+`method`.
+"""
+
+
+class MotionCancelled(CanaxisError):
+    """Why a motion was cancelled."""
+
+    code = "motion_cancelled"
+
+
+class Motion:
+    """Awaitable and cancellable. It belongs to the axis, not to the client that asked for it."""
+
+    def __init__(
+        self, kind: MotionKind, axis: Axis, request: Request, on_change: Callable[[Motion], None]
+    ) -> None:
+        self.id = uuid.uuid4().hex
+        self.kind = kind
+        self.axis = axis
+        self.request = request
+        self.state = MotionState.QUEUED
+        self.progress: float | None = None
+        """0..1, or None where it can't be known."""
+        self.result: Result | None = None
+        """What it came to, if it succeeded."""
+        self.error: CanaxisError | None = None
+        self.created = datetime.now(UTC)
+        self.started: datetime | None = None
+        self.ended: datetime | None = None
+        self._on_change = on_change
+        self._end = asyncio.Event()
+
+    @property
+    def done(self) -> bool:
+        """Whether it has ended, one way or another."""
+        return self.state.ended
+
+    async def wait(self, timeout: float | None = None) -> bool:  # noqa: ASYNC109 - it never raises
+        """Wait at most `timeout` seconds for the end; True if it has ended."""
+        try:
+            async with asyncio.timeout(timeout):
+                await self._end.wait()
+        except TimeoutError:
+            return self.done
+        return True
+
+    async def cancel(self) -> None:
+        """End it with a controlled stop and return at standstill; nothing happens if it has ended.
+
+        Raises what `Axis.stop` raises.
+        """
+        if not self.done:
+            await self.axis.stop("It was cancelled on request.")
+
+    # The rest is for the axis.
+
+    def begin(self) -> None:
+        """The drive is being told."""
+        if self.state is MotionState.QUEUED:
+            self.state = MotionState.RUNNING
+            self.started = datetime.now(UTC)
+            self._on_change(self)
+
+    def succeed(self, result: Result) -> None:
+        """It reached its end."""
+        self.result = result
+        self.progress = 1.0
+        self._finish(MotionState.SUCCEEDED, None)
+
+    def fail(self, error: CanaxisError) -> None:
+        """It did not reach its end."""
+        self._finish(MotionState.FAILED, error)
+
+    def give_up(self, reason: str) -> None:
+        """Something else ended it, on purpose."""
+        error = MotionCancelled(
+            f"The motion was cancelled: {reason}",
+            hint="Start it again if it is still wanted.",
+            node=self.axis.node.node_id,
+            axis=self.axis.number,
+        )
+        self._finish(MotionState.CANCELLED, error)
+
+    def _finish(self, state: MotionState, error: CanaxisError | None) -> None:
+        if self.done:
+            return
+        self.state = state
+        self.error = error
+        self.ended = datetime.now(UTC)
+        self._end.set()
+        self._on_change(self)

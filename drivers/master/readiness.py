@@ -1,0 +1,168 @@
+"""What prevents a command now: every obstacle with its remedy, and the error that fits the gravest."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from drivers.cia402.modes import Mode
+from drivers.cia402.power import PowerState
+from drivers.errors import AxisBusy, BusDown, CanaxisError, NodeAway, NotReady, Obstacle, StopLatched
+from drivers.master.errands import COMING_TO_REST, ErrandName
+from drivers.master.referencing import needs_enabled
+from drivers.master.status import Failsafe, NodeState
+
+if TYPE_CHECKING:
+    from drivers.master.axis import Axis
+
+
+class AxisCommand(enum.StrEnum):
+    """What can be asked of an axis."""
+
+    ENABLE = "enable"
+    DISABLE = "disable"
+    RESET_FAULT = "reset_fault"
+    MOVE = "move"
+    VELOCITY = "velocity"
+    HOME = "home"
+    STOP = "stop"
+    QUICK_STOP = "quick_stop"
+
+    @property
+    def is_motion(self) -> bool:
+        """Whether it turns a motor."""
+        return self in (AxisCommand.MOVE, AxisCommand.VELOCITY, AxisCommand.HOME)
+
+
+_AWAY = frozenset({"bus_down", "node_away", "heartbeat_stale"})
+
+
+def obstacles(
+    axis: Axis, command: AxisCommand, *, absolute: bool = True, method: int | None = None
+) -> tuple[Obstacle, ...]:
+    """Everything that prevents `command` now; empty: it may be given.
+
+    `absolute` matters for a move, `method` (None: the configured one) for a homing. A stop is never
+    prevented.
+    """
+    if command in (AxisCommand.STOP, AxisCommand.QUICK_STOP):
+        return ()
+    found = [*_reach(axis)]
+    if command is AxisCommand.ENABLE or command.is_motion:
+        found += [*_permission(axis), *_drive(axis, command, method)]
+    if command is AxisCommand.MOVE and absolute and axis.config.require_homing and not axis.status.referenced:
+        found.append(
+            Obstacle(
+                "not_referenced", "The axis was not homed since the module's last reset.", "Home the axis."
+            )
+        )
+    found += _busy(axis, command)
+    return tuple(found)
+
+
+def refusal(axis: Axis, command: AxisCommand, found: tuple[Obstacle, ...]) -> CanaxisError:
+    """The error for these obstacles (at least one): the wire before the node before the latch before the
+    rest.
+    """
+    node, number = axis.node.node_id, axis.number
+    codes = {obstacle.code for obstacle in found}
+    reasons = " ".join(obstacle.message for obstacle in found)
+    remedies = " ".join(obstacle.remedy for obstacle in found)
+    message = f"Axis {axis.name} can't do {command} now: {reasons}"
+    if "bus_down" in codes:
+        return BusDown(message, hint=remedies, node=node, axis=number)
+    if codes & _AWAY:
+        return NodeAway(message, hint=remedies, node=node, axis=number)
+    if "stop_latched" in codes:
+        return StopLatched(message, obstacles=found, node=node, axis=number)
+    if codes <= {"busy", "turning"}:
+        return AxisBusy(message, obstacles=found, node=node, axis=number)
+    return NotReady(message, obstacles=found, node=node, axis=number)
+
+
+def _reach(axis: Axis) -> Iterator[Obstacle]:
+    node = axis.node
+    bus = axis.backbone.bus
+    if axis.backbone.closing:
+        yield Obstacle("closing", "The service is shutting down.", "Start the service again.")
+    if not bus.state.can_send:
+        yield Obstacle(
+            "bus_down",
+            f"The bus {bus.name} is {bus.state}: nothing can be commanded; whether motors stand is unknown.",
+            "Check the CAN interface; it is opened again by itself.",
+        )
+    if node.state is not NodeState.OPERATIONAL:
+        yield Obstacle(
+            "node_away",
+            f"Node {node.name} is {node.state}{': ' + node.reason if node.reason else '.'}",
+            "Check the node's supply and cable; it is taken in by itself as soon as it answers.",
+        )
+    elif node.heartbeat_stale:
+        yield Obstacle(
+            "heartbeat_stale",
+            f"The heartbeat of node {node.name} is late.",
+            "Wait until it is back, or check the cable.",
+        )
+    elif axis.status.stale:
+        yield Obstacle(
+            "status_stale",
+            "The axis's status is too old to be trusted.",
+            "Wait a moment; then check the node's PDOs.",
+        )
+
+
+def _permission(axis: Axis) -> Iterator[Obstacle]:
+    latch = axis.backbone.stop_latched
+    if latch is not None:
+        yield Obstacle(
+            "stop_latched",
+            f"A stop for everything is latched: {latch.reason}",
+            "Reset it on purpose with POST /api/v1/stop/reset.",
+        )
+    if axis.node.failsafe is Failsafe.OFF and not axis.backbone.config.allow_unverified_failsafe:
+        yield Obstacle(
+            "failsafe_off",
+            "The module would not take 1029h:1, so nothing stops its motors should this service die.",
+            "Check the module's firmware, or allow it in the configuration with allow_unverified_failsafe.",
+        )
+
+
+def _drive(axis: Axis, command: AxisCommand, method: int | None) -> Iterator[Obstacle]:
+    status = axis.status
+    if status.state in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE):
+        causes = "; ".join(e.title for e in status.emergencies)
+        yield Obstacle(
+            "fault",
+            f"The drive is in {status.state}{': ' + causes if causes else ''}.",
+            "Remove the cause, reset the fault, then enable the axis.",
+        )
+    elif command is AxisCommand.ENABLE:
+        if axis.adopted and status.moving:
+            yield Obstacle("moving", "The axis turns since before this service started.", "Stop it first.")
+    elif axis.adopted:
+        yield Obstacle(
+            "adopted",
+            "The axis was enabled already when this service found it; nobody has claimed it.",
+            "Stop the axis, then enable it: that claims it.",
+        )
+    elif status.state is not PowerState.OPERATION_ENABLED:
+        chosen = axis.config.homing_method if method is None else method
+        if command is not AxisCommand.HOME or needs_enabled(chosen):
+            yield Obstacle(
+                "not_enabled", f"The axis is {status.state or 'in no known state'}.", "Enable the axis."
+            )
+
+
+def _busy(axis: Axis, command: AxisCommand) -> Iterator[Obstacle]:
+    errand = axis.errand
+    replaces = command is AxisCommand.VELOCITY and errand is ErrandName.TURNING
+    # A fault reset energises nothing, so it may wait for a stop; an enable behind a stop would undo it.
+    joins = (command is AxisCommand.ENABLE and errand is ErrandName.ENABLING) or (
+        command is AxisCommand.RESET_FAULT and (errand is ErrandName.RESETTING or errand in COMING_TO_REST)
+    )
+    if errand is not None and command is not AxisCommand.DISABLE and not replaces and not joins:
+        yield Obstacle("busy", f"The axis is {errand}.", "Wait until it has ended, or stop the axis.")
+    turning = axis.status.moving and axis.status.mode is Mode.PROFILE_VELOCITY
+    if command in (AxisCommand.MOVE, AxisCommand.HOME) and errand is None and (turning or axis.status.moving):
+        yield Obstacle("turning", "The axis is turning.", "Stop the axis first.")

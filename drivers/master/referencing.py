@@ -1,0 +1,83 @@
+"""Homing (manual §8): method and speeds, the start bit, and an end that is only sometimes a success."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+
+from drivers.cia402 import objects
+from drivers.cia402.homing import HOMING_METHODS, HomingHandshake, HomingOutcome
+from drivers.cia402.modes import Mode
+from drivers.cia402.power import Controlword, PowerState
+from drivers.errors import BusError, MotionFailed, MotionTimeout
+from drivers.master.axis_tools import AxisTools
+from drivers.master.motion import Motion, Result
+from drivers.master.requests import HomeRequest
+from drivers.master.sdo_client import Priority
+from drivers.master.status import AxisStatus
+
+
+def needs_enabled(method: int) -> bool:
+    """Whether the method turns the motor; 35 does not, and needs no power (manual §8.1.10)."""
+    known = HOMING_METHODS.get(method)
+    return known is None or known.moves
+
+
+async def home(tools: AxisTools, request: HomeRequest, motion: Motion) -> Result:
+    """Carry out a homing; sets `referenced` when it was attained."""
+    config, drive, timing = tools.config, tools.drive, tools.timing
+    method = config.homing_method if request.method is None else request.method
+    moves = needs_enabled(method)
+    await tools.parameters.require(
+        {
+            (objects.HOMING_METHOD, 0): method,
+            (objects.HOMING_SPEEDS, 1): request.fast or config.homing_fast,
+            (objects.HOMING_SPEEDS, 2): request.slow or config.homing_slow,
+            (objects.HOMING_ACCELERATION, 0): request.acceleration or config.homing_acceleration,
+        }
+    )
+    await tools.enter_mode(Mode.HOMING, drive.holding)
+    if moves:
+        tools.require_enabled(drive.status)
+
+    loop = asyncio.get_running_loop()
+    handshake = HomingHandshake(moves=moves, grace_s=timing.handshake)
+    ended = HomingOutcome.RUNNING
+
+    def over(status: AxisStatus) -> bool:
+        nonlocal ended
+        if moves:
+            tools.require_enabled(status)
+        elif status.state is PowerState.FAULT:
+            raise tools.fault(status)
+        ended = handshake.feed(status.statusword, loop.time())
+        return ended is not HomingOutcome.RUNNING
+
+    controlword = handshake.start(drive.status.statusword, loop.time())
+    motion.begin()
+    drive.note(referenced=False)
+    try:
+        drive.command(controlword, Mode.HOMING)
+        await drive.until(over, request.timeout_s or timing.homing)
+    finally:
+        if drive.controlword is not None and drive.controlword & Controlword.START_HOMING:
+            with contextlib.suppress(BusError):  # a bus that is gone must not hide why the homing ended
+                drive.command(handshake.release_controlword, Mode.HOMING)
+    if ended is HomingOutcome.RUNNING:
+        raise MotionTimeout(
+            f"Axis {config.name} found no home with method {method} in time.",
+            hint="Check the switches or the encoder that the method needs, and 2005h.",
+            **tools.where,
+        )
+    if ended is HomingOutcome.STOPPED:
+        raise MotionFailed(
+            f"The homing of axis {config.name} was stopped by the drive before home was found.",
+            hint="Look at the switches and the active emergencies, then home again.",
+            **tools.where,
+        )
+    if not moves:
+        drive.command(drive.holding, Mode.NO_MODE)
+    drive.note(referenced=True)
+    address = tools.objects.address(objects.POSITION, 0, tools.number)
+    position = await tools.objects.read_int(address, priority=Priority.CONTROL)
+    return {"position": position, "method": method}

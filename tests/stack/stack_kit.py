@@ -1,0 +1,101 @@
+"""A master and simulated modules on one wire in one process, on whatever clock the test's loop has."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Callable
+from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass, field
+
+from drivers.bus.memory import MemoryBus, MemoryWire
+from drivers.devices.catalog import Catalog
+from drivers.master import (
+    Axis,
+    AxisConfig,
+    Network,
+    NetworkConfig,
+    Node,
+    NodeConfig,
+    NodeState,
+    Timing,
+)
+from drivers.sim.module import SimulatedModule
+from drivers.sim.runner import SimulatedNode
+
+MODEL = "TMCM-3216"
+AXES = tuple(AxisConfig(name=name, homing_method=35) for name in ("x", "y", "z"))
+
+
+async def until(condition: Callable[[], bool], seconds: float = 20.0) -> None:
+    """Wait for something that no event tells, in small steps of the loop's (virtual) clock."""
+    async with asyncio.timeout(seconds):
+        while not condition():  # noqa: ASYNC110 - nothing tells, and the clock is virtual
+            await asyncio.sleep(0.005)
+
+
+@dataclass
+class Stack:
+    """The whole arrangement, with the hands that a test needs."""
+
+    wire: MemoryWire
+    port: MemoryBus
+    network: Network
+    modules: dict[int, SimulatedNode] = field(default_factory=dict)
+
+    @property
+    def node(self) -> Node:
+        return self.network.node(1)
+
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        return self.node.axes
+
+    async def ready(self, *node_ids: int) -> None:
+        wanted = node_ids or tuple(self.modules)
+        await until(lambda: all(self.network.nodes[n].state is NodeState.OPERATIONAL for n in wanted))
+
+    async def enabled(self) -> tuple[Axis, ...]:
+        """Every axis of node 1, enabled."""
+        await self.ready()
+        await asyncio.gather(*(axis.enable() for axis in self.axes))
+        return self.axes
+
+    async def master_dies(self) -> None:
+        """The master's process is gone in mid-sentence: nothing is stopped, nothing more is sent."""
+        network = self.network
+        for node in network.nodes.values():
+            await node.close()
+        network._heartbeat.stop()
+        assert network._unsubscribe is not None
+        network._unsubscribe()
+        network._unsubscribe = None
+
+    def add_module(self, node_id: int) -> SimulatedNode:
+        module = SimulatedModule(Catalog.load().profile(MODEL), node_id)
+        node = SimulatedNode(module, self.wire.port(f"module {node_id}"))
+        self.modules[node_id] = node
+        return node
+
+
+@asynccontextmanager
+async def stack_of(
+    *present: int,
+    configured: tuple[int, ...] = (),
+    axes: tuple[AxisConfig, ...] = AXES,
+    timing: Timing | None = None,
+    model: str = MODEL,
+) -> AsyncIterator[Stack]:
+    """A network of `configured` nodes (those present if empty) of which some are present; not waited for."""
+    wire = MemoryWire(bit_rate=1_000_000)
+    port = wire.port("master")
+    config = NetworkConfig(
+        nodes=tuple(
+            NodeConfig(node_id=n, name=f"m{n}", model=model, axes=axes) for n in configured or present
+        )
+    )
+    async with AsyncExitStack() as cleanup:
+        stack = Stack(wire, port, Network(port, config, Catalog.load(), timing))
+        for node_id in present:
+            await cleanup.enter_async_context(stack.add_module(node_id))
+        await cleanup.enter_async_context(stack.network)
+        yield stack

@@ -1,0 +1,84 @@
+"""The event hub: nobody slows anybody down, and what is lost is told."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from drivers.master.events import HISTORY, EventHub
+
+pytestmark = pytest.mark.looptime
+
+
+async def test_status_is_latest_wins_per_axis() -> None:
+    hub = EventHub()
+    subscription = hub.subscribe()
+    for value in range(1000):
+        hub.publish("axis", node=1, axis=value % 2, data={"status": value})
+    events = [subscription.take(), subscription.take()]
+    assert [event.data["status"] for event in events] == [998, 999]
+    assert subscription.take() is None
+    assert subscription.missed == 0
+
+
+async def test_everything_comes_in_the_order_of_its_id() -> None:
+    hub = EventHub()
+    subscription = hub.subscribe()
+    hub.publish("axis", node=1, axis=0, data={})
+    hub.publish("motion", node=1, axis=0, data={})
+    hub.publish("axis", node=1, axis=0, data={})
+    hub.publish("stop", data={})
+    assert [subscription.take().id for _ in range(3)] == [2, 3, 4]
+
+
+async def test_a_full_queue_drops_the_oldest_and_says_how_many() -> None:
+    hub = EventHub()
+    slow, fast = hub.subscribe(capacity=3), hub.subscribe(capacity=100)
+    for number in range(10):
+        hub.publish("emergency", node=1, data={"number": number})
+    told = slow.take()
+    assert (told.kind, told.data["missed"]) == ("missed", 7)
+    assert [slow.take().data["number"] for _ in range(3)] == [7, 8, 9]
+    assert slow.take() is None
+    assert slow.missed == 7
+    assert fast.missed == 0
+
+
+async def test_iterating_waits_and_ends_with_close() -> None:
+    hub = EventHub()
+    subscription = hub.subscribe()
+    seen: list[str] = []
+
+    async def read() -> None:
+        async for event in subscription:
+            seen.append(event.kind)  # noqa: PERF401 - it is watched while it grows
+
+    reader = asyncio.create_task(read())
+    await asyncio.sleep(0)
+    hub.publish("bus", data={})
+    hub.publish("stop", data={})
+    await asyncio.sleep(0.01)
+    assert seen == ["bus", "stop"]
+    subscription.close()
+    await reader
+    hub.publish("bus", data={})
+    assert seen == ["bus", "stop"]
+
+
+async def test_since_gives_what_a_returning_subscriber_missed() -> None:
+    hub = EventHub()
+    for number in range(5):
+        hub.publish("bus", data={"number": number})
+        hub.publish("axis", node=1, axis=0, data={})
+    assert [event.data["number"] for event in hub.since(4)] == [2, 3, 4]
+    assert hub.since(hub.last_id) == []
+    assert hub.since(hub.last_id + 1) is None
+
+
+async def test_since_admits_what_is_forgotten() -> None:
+    hub = EventHub()
+    for _ in range(HISTORY + 5):
+        hub.publish("bus", data={})
+    assert hub.since(4) is None
+    assert len(hub.since(5)) == HISTORY
