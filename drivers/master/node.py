@@ -14,7 +14,7 @@ from drivers.cia301.nmt import NmtCommand, NmtState
 from drivers.cia301.objects import Address
 from drivers.cia301.types import Value
 from drivers.cia402.power import PowerState
-from drivers.devices.profile import DeviceProfile
+from drivers.devices.profile import DeviceProfile, ObjectSpec
 from drivers.errors import (
     CanaxisError,
     GuardedObject,
@@ -114,6 +114,10 @@ class Node:
             emergencies=self._log.all_active(),
             counters=copy.deepcopy(self.counters),
         )
+
+    def spec(self, index: int, sub: int) -> ObjectSpec:
+        """What the profile says of an object, by the index that the wire sees. Raises `UnknownObject`."""
+        return self.objects.spec(Address(index, sub))
 
     async def read(self, address: Address) -> Value:
         """Read an object; an unanswered read is tried once more.

@@ -200,7 +200,7 @@ class Command:
     """The first line of the method's docstring."""
     parameters: tuple[Parameter, ...]
     action: Callable[..., None]
-    """Called with the panel, and the arguments by name."""
+    """Called with the panel, and the arguments that `check` gave, by name."""
 
     def check(self, given: Mapping[str, object]) -> dict[str, object]:
         """Arguments by name, read. Raises `BadValue` for a wrong, missing or unknown one."""
@@ -258,7 +258,7 @@ class CommandTable(Mapping[str, Command]):
             name=loose.__name__,
             summary=(inspect.getdoc(loose) or "").partition("\n")[0],
             parameters=tuple(_parameters(loose, signature)),
-            action=checked,
+            action=loose,
         )
         self._rows[row.name] = row
         return checked
@@ -287,7 +287,11 @@ def _within(value: float, low: float, high: float | None) -> bool:
 
 
 def _range(low: float, high: float | None) -> str:
-    return f"from {low:g} on" if high is None else f"from {low:g} to {high:g}"
+    return f"from {_shown(low)} on" if high is None else f"from {_shown(low)} to {_shown(high)}"
+
+
+def _shown(limit: float) -> str:
+    return str(int(limit)) if limit == int(limit) else f"{limit:g}"
 
 
 def _limits(low: float, high: float | None) -> dict[str, float]:

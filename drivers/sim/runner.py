@@ -93,6 +93,10 @@ class SimulatedNode:
         self._send(self.module.on_time(now))
         return result
 
+    def report(self, code: int, detail: int = 0) -> None:
+        """Have the module send a module-wide EMCY for an error that is over at once; see its `report`."""
+        self._send(self.module.report(code, detail, self._now()))
+
     # --- bus and clock --------------------------------------------------------------------------------------
 
     def _on_frames(self, frames: Sequence[Frame]) -> None:

@@ -21,6 +21,11 @@ class Panel:
     supervision: Supervision
     _blocked = False
 
+    @property
+    def blocked(self) -> bool:
+        """Whether something holds the carriage."""
+        return self._blocked
+
     def advance(self, now: float) -> None:
         """Run all events up to `now`."""
         raise NotImplementedError

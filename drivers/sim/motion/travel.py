@@ -92,6 +92,11 @@ class Travel:
         self.settings = settings
         self._pressed: set[SwitchName] = set()
 
+    @property
+    def pressed(self) -> frozenset[SwitchName]:
+        """The switches that a hand presses now."""
+        return frozenset(self._pressed)
+
     def press(self, switch: SwitchName) -> None:
         """Press a switch by hand; it stays active until released."""
         self._pressed.add(switch)

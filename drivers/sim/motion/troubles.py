@@ -39,7 +39,7 @@ class Register:
 
 @dataclass(frozen=True, slots=True)
 class TroubleRow:
-    """A row of the EMCY table. Which bit of 1001h belongs to it, beside bit 0, is unverified on hardware."""
+    """A row of the EMCY table. Its bit of 1001h goes by the class of the code: unverified on hardware."""
 
     code: int
     cause: int
@@ -56,12 +56,12 @@ class Trouble(enum.Enum):
     OVERCURRENT_HIGH_SIDE = TroubleRow(0x2310, 0, Register.CURRENT, Severity.CUT)
     OVERCURRENT_B = TroubleRow(0x2311, 0, Register.CURRENT, Severity.CUT)
     OVERCURRENT_A = TroubleRow(0x2312, 0, Register.CURRENT, Severity.CUT)
-    STALL = TroubleRow(0x3230, 0, Register.MANUFACTURER, Severity.CUT)
+    STALL = TroubleRow(0x3230, 0, Register.VOLTAGE, Severity.CUT)
     TEMPERATURE_WARNING = TroubleRow(0x4310, 1, Register.TEMPERATURE, Severity.WARNING)
     OVERTEMPERATURE = TroubleRow(0x4310, 2, Register.TEMPERATURE, Severity.CUT)
     SHUTDOWN_SWITCH = TroubleRow(0x5441, 0, Register.GENERIC, Severity.CUT)
     FOLLOWING_ERROR = TroubleRow(0x8611, 0, Register.PROFILE, Severity.RAMP)
-    UNDERVOLTAGE = TroubleRow(0xFF00, 0, Register.VOLTAGE, Severity.CUT)
+    UNDERVOLTAGE = TroubleRow(0xFF00, 0, Register.MANUFACTURER, Severity.CUT)
     POSITIVE_SOFTWARE_LIMIT = TroubleRow(0xFF01, 1, Register.MANUFACTURER, Severity.RAMP)
     NEGATIVE_SOFTWARE_LIMIT = TroubleRow(0xFF01, 2, Register.MANUFACTURER, Severity.RAMP)
     POSITIVE_LIMIT_SWITCH = TroubleRow(0xFF01, 3, Register.MANUFACTURER, Severity.CUT)

@@ -1,0 +1,1 @@
+"""The face: the command `canaxis` and the HTTP API. No CANopen knowledge lives here."""

@@ -1,0 +1,79 @@
+"""Every error becomes a problem reply: the drivers', our own, the framework's, and what nobody expected."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import structlog
+from fastapi import FastAPI
+from fastapi.exceptions import RequestValidationError
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import Response
+
+from app import problems
+from app.operations import operation_path
+from app.problems import ApiError, ProblemReply
+from app.replies import problem_response
+from app.service import Service
+from drivers.errors import CanaxisError, NotReady
+
+log: structlog.stdlib.BoundLogger = structlog.get_logger("canaxis.http")
+
+
+def install_error_handlers(app: FastAPI) -> None:
+    """Let no error leave the service in another shape."""
+    app.add_exception_handler(CanaxisError, _driver_error)
+    app.add_exception_handler(ApiError, _api_error)
+    app.add_exception_handler(RequestValidationError, _validation_error)
+    app.add_exception_handler(HTTPException, _framework_error)
+    app.add_exception_handler(Exception, _unexpected_error)
+
+
+def _reply(request: Request, reply: ProblemReply, headers: dict[str, str] | None = None) -> Response:
+    return problem_response(reply, instance=request.url.path, headers=headers)
+
+
+async def _driver_error(request: Request, error: Exception) -> Response:
+    assert isinstance(error, CanaxisError)
+    reply = problems.of_driver_error(error)
+    if isinstance(error, NotReady):
+        running = _running_operation(request, error)
+        if running is not None:
+            reply.body["operation"] = running
+    return _reply(request, reply)
+
+
+def _running_operation(request: Request, error: NotReady) -> str | None:
+    """Where the operation is that holds the axis."""
+    if error.node is None or error.axis is None:
+        return None
+    service: Service = request.state.service
+    motion = service.network.node(error.node).axis(error.axis).motion
+    return None if motion is None or motion.done else operation_path(motion.id)
+
+
+async def _api_error(request: Request, error: Exception) -> Response:
+    assert isinstance(error, ApiError)
+    return _reply(request, problems.of_api_error(error))
+
+
+async def _validation_error(request: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestValidationError)
+    return _reply(request, problems.of_validation(cast("list[dict[str, object]]", list(error.errors()))))
+
+
+async def _framework_error(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)
+    headers = dict(error.headers) if error.headers else None
+    detail = {
+        404: f"There is nothing at {request.url.path[:200]}.",
+        405: f"{request.url.path[:200]} doesn't take {request.method}.",
+        400: "The body is no JSON text in UTF-8.",
+    }.get(error.status_code, str(error.detail))
+    return _reply(request, problems.of_status(error.status_code, detail), headers)
+
+
+async def _unexpected_error(request: Request, error: Exception) -> Response:
+    log.error("unexpected error", path=request.url.path, error=repr(error))
+    return _reply(request, problems.problem("internal_error", "Something went wrong that nobody expected."))

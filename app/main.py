@@ -1,0 +1,108 @@
+"""The service as an ASGI application; its lifespan opens the network and gives it to every request."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncGenerator, Callable
+from contextlib import asynccontextmanager
+from importlib.metadata import version
+
+from fastapi import FastAPI
+from fastapi_offline import FastAPIOffline
+from starlette.middleware import Middleware
+
+from app import documentation
+from app.errors import install_error_handlers
+from app.idempotency import IdempotencyMiddleware, MemoryKeys
+from app.metrics import LatencyMiddleware
+from app.routes import axes, bus, events, health, moves, nodes, objects, operations, stop
+from app.security import DOCS_ASSETS, Policy, SecurityMiddleware
+from app.service import LifespanState, Service
+from app.settings import Settings, SettingsError
+from drivers.bus.base import Bus
+from drivers.bus.pythoncan import PythonCanBus
+from drivers.devices.catalog import Catalog
+from drivers.master.config import NetworkConfig
+from drivers.master.network import Network
+
+API = "/api/v1"
+ROUTERS = (  # in the order in which paths are tried: what is asked most comes first
+    axes.router,
+    axes.commands,
+    moves.router,
+    nodes.router,
+    operations.router,
+    stop.router,
+    objects.router,
+    bus.router,
+    events.router,
+)
+
+
+def create_app(
+    settings: Settings, bus: Bus | None = None, *, on_service: Callable[[Service], None] | None = None
+) -> FastAPI:
+    """The service for these settings. Raises `SettingsError` if they can't be served.
+
+    `bus` stands in for the one that the settings name; `on_service` is told of the service when the lifespan
+    begins.
+    """
+    settings.check_exposure()
+    network_config = settings.network_config()
+    catalog = Catalog.load()
+    _check_models(network_config, catalog)
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncGenerator[LifespanState]:
+        del app
+        wire = PythonCanBus(**settings.bus.arguments()) if bus is None else bus
+        service = Service(settings, Network(wire, network_config, catalog))
+        if on_service is not None:
+            on_service(service)
+        await service.open()
+        try:
+            yield {"service": service}
+        finally:
+            await service.close()
+
+    app = FastAPIOffline(
+        title="Canaxis",
+        version=version("canaxis"),
+        summary="A CANopen master with an HTTP API for stepper axes in a lab",
+        description=documentation.DESCRIPTION,
+        docs_url="/docs",
+        redoc_url=None,
+        static_url=DOCS_ASSETS,
+        lifespan=lifespan,
+        generate_unique_id_function=documentation.operation_id,
+        redirect_slashes=False,
+        separate_input_output_schemas=False,
+        middleware=[
+            Middleware(LatencyMiddleware),
+            Middleware(SecurityMiddleware, policy=Policy.of(settings.server)),
+            Middleware(IdempotencyMiddleware, keys=MemoryKeys()),
+        ],
+    )
+    install_error_handlers(app)
+    for router in ROUTERS:
+        app.include_router(router, prefix=API)
+    app.include_router(health.router)
+    app.include_router(health.api_root, prefix=API)
+    app.openapi = lambda: _openapi_once(app)
+    return app
+
+
+def _check_models(config: NetworkConfig, catalog: Catalog) -> None:
+    """Refuse a node that the catalog doesn't know, or with more axes than its model has."""
+    for node in config.nodes:
+        if node.model not in catalog.models:
+            raise SettingsError(
+                f"nodes: {node.name}: there is no {node.model}; {', '.join(catalog.models)} is"
+            )
+        if len(node.axes) > (most := catalog.profile(node.model).axes):
+            raise SettingsError(f"nodes: {node.name}: a {node.model} has {most} axes, not {len(node.axes)}")
+
+
+def _openapi_once(app: FastAPI) -> dict[str, object]:
+    if app.openapi_schema is None:
+        app.openapi_schema = documentation.build_openapi(app)
+    return app.openapi_schema

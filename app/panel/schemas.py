@@ -1,0 +1,18 @@
+"""Replies of the panel; they hold the snapshots of `drivers.sim.snapshot` as they are."""
+
+from __future__ import annotations
+
+from pydantic import RootModel
+
+from app.schemas.common import Reply
+from drivers.sim.snapshot import ModuleSnapshot
+
+
+class ModuleReply(RootModel[ModuleSnapshot]):
+    """One simulated module."""
+
+
+class ModuleList(Reply):
+    """Every simulated module."""
+
+    nodes: list[ModuleReply]

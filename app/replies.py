@@ -1,0 +1,42 @@
+"""Problem replies as bytes: for the middleware, which speaks bare ASGI, and for the exception handlers."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from starlette.responses import Response
+from starlette.types import Receive, Scope, Send
+
+from app.problems import MEDIA_TYPE, ProblemReply
+
+
+def problem_response(
+    reply: ProblemReply, *, instance: str | None = None, headers: Mapping[str, str] | None = None
+) -> Response:
+    """A response with the problem as its body; `instance` is the path that was asked for."""
+    body = reply.body if instance is None else {**reply.body, "instance": instance}
+    return Response(
+        json.dumps(body, ensure_ascii=False, allow_nan=False).encode("utf-8", "backslashreplace"),
+        status_code=reply.status,
+        media_type=MEDIA_TYPE,
+        headers=dict(headers or {}),
+    )
+
+
+async def refuse(
+    scope: Scope, receive: Receive, send: Send, reply: ProblemReply, headers: Mapping[str, str] | None = None
+) -> None:
+    """Answer a request from within the middleware."""
+    await problem_response(reply, instance=scope["path"], headers=headers)(scope, receive, send)
+
+
+def location_header() -> dict[str, Any]:
+    """How the document describes the Location header."""
+    return {"Location": {"description": "Where the operation is.", "schema": {"type": "string"}}}
+
+
+def preference_header() -> dict[str, Any]:
+    """How the document describes the Preference-Applied header."""
+    return {"Preference-Applied": {"description": "The wait that was granted.", "schema": {"type": "string"}}}

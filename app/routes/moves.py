@@ -1,0 +1,117 @@
+"""The commands that move an axis.
+
+Each answers with an operation: the motion is the service's, not the client's.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter, Depends, Response
+
+from app.deps import AxisDep, ServiceDep, WaitDep, command_headers
+from app.documentation import MOVING, Responses, problems
+from app.operations import operation_path
+from app.problems import ApiError
+from app.replies import location_header, preference_header
+from app.schemas.axes import HomeBody, MoveBody, VelocityBody
+from app.schemas.operations import OperationReply
+from app.service import Service
+from app.units import Scale
+from drivers.master.motion import Motion
+from drivers.master.requests import HomeRequest, MoveRequest, VelocityRequest
+
+ANSWERS: Responses = {
+    200: {
+        "description": "It ended while the request waited; `state` says how.",
+        "model": OperationReply,
+        "headers": preference_header(),
+    },
+    202: {
+        "description": "It is under way; ask at `Location`.",
+        "model": OperationReply,
+        "headers": {**location_header(), **preference_header()},
+    },
+    **problems(*MOVING),
+}
+
+router = APIRouter(
+    prefix="/nodes/{node}/axes/{axis}",
+    tags=["moves"],
+    dependencies=[Depends(command_headers)],
+    responses=ANSWERS,
+)
+
+
+@router.post("/move", summary="Go to a position", status_code=202)
+async def move_axis(
+    body: MoveBody, service: ServiceDep, axis: AxisDep, wait: WaitDep, response: Response
+) -> OperationReply:
+    """Go to a position, or by a distance. Refused with a reason if the axis can't; nothing is sent then."""
+    scale = Scale.named(body.unit, axis.config)
+    request = MoveRequest(
+        target=scale.steps("target", body.target),
+        relative=body.relative,
+        velocity=scale.rate("velocity", body.velocity),
+        acceleration=scale.rate("acceleration", body.acceleration),
+        deceleration=scale.rate("deceleration", body.deceleration),
+    )
+    asked = body.model_dump(exclude_none=True) | {"target_steps": request.target}
+    _take_no_more(service)
+    return await _begun(service, axis.move_to(request), asked, wait, response)
+
+
+@router.post("/velocity", summary="Run at a speed", status_code=202)
+async def run_axis(
+    body: VelocityBody, service: ServiceDep, axis: AxisDep, wait: WaitDep, response: Response
+) -> OperationReply:
+    """Run at a speed until something else is commanded.
+
+    0 ramps down. It succeeds when the speed is reached.
+    """
+    scale = Scale.named(body.unit, axis.config)
+    request = VelocityRequest(
+        velocity=scale.steps("velocity", body.velocity),
+        acceleration=scale.rate("acceleration", body.acceleration),
+    )
+    asked = body.model_dump(exclude_none=True) | {"velocity_steps": request.velocity}
+    _take_no_more(service)
+    return await _begun(service, axis.run_at(request), asked, wait, response)
+
+
+@router.post("/home", summary="Seek the reference", status_code=202)
+async def home_axis(
+    body: HomeBody, service: ServiceDep, axis: AxisDep, wait: WaitDep, response: Response
+) -> OperationReply:
+    """Seek the reference with a homing method of the module."""
+    rates = (body.fast, body.slow, body.acceleration)
+    if body.unit is None and any(rate is not None for rate in rates):
+        raise ApiError("bad_value", "A speed or acceleration needs its unit.", hint="Add unit to the body.")
+    scale = Scale.of(axis.config) if body.unit is None else Scale.named(body.unit, axis.config)
+    request = HomeRequest(
+        method=body.method,
+        fast=scale.rate("fast", body.fast),
+        slow=scale.rate("slow", body.slow),
+        acceleration=scale.rate("acceleration", body.acceleration),
+        timeout_s=body.timeout_s,
+    )
+    _take_no_more(service)
+    return await _begun(service, axis.home(request), body.model_dump(exclude_none=True), wait, response)
+
+
+def _take_no_more(service: Service) -> None:
+    if service.closing:
+        raise ApiError("shutting_down", "The service is shutting down and takes no new command.")
+
+
+async def _begun(
+    service: Service, motion: Motion, asked: dict[str, Any], wait: WaitDep, response: Response
+) -> OperationReply:
+    """Register the motion, wait as long as the client wants, answer."""
+    operation = service.operations.add(motion, asked)
+    ended = await motion.wait(wait.seconds) if wait.seconds > 0 else motion.done
+    response.headers["Location"] = operation_path(operation.id)
+    response.status_code = 200 if ended else 202
+    if wait.preferred:
+        response.headers["Preference-Applied"] = f"wait={wait.seconds:g}"
+    return operation.reply()

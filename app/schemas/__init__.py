@@ -1,0 +1,1 @@
+"""The wire models: every number names its unit."""

@@ -1,0 +1,107 @@
+"""Axes on the wire: status, readiness, and the bodies of the moving commands."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from app.schemas import examples
+from app.schemas.common import ObstacleReply, Quantity, Reply, Request, Unit
+
+
+class MoveBody(Request):
+    """Go to a position, or by a distance. What is left out comes from the axis's settings."""
+
+    model_config = examples.shown(examples.MOVE)
+
+    target: int | float = Field(description="Position or distance in `unit`; whole where the unit is steps.")
+    unit: Unit
+    relative: bool = Field(default=False, description="Whether `target` is a distance from here.")
+    velocity: int | float | None = Field(default=None, gt=0, description="`unit`/s")
+    acceleration: int | float | None = Field(default=None, gt=0, description="`unit`/s2")
+    deceleration: int | float | None = Field(default=None, gt=0, description="`unit`/s2")
+
+
+class VelocityBody(Request):
+    """Run at a speed until something else is commanded; 0 stops."""
+
+    model_config = examples.shown(examples.VELOCITY)
+
+    velocity: int | float = Field(description="`unit`/s; the sign is the direction.")
+    unit: Unit
+    acceleration: int | float | None = Field(default=None, gt=0, description="`unit`/s2, up and down.")
+
+
+class HomeBody(Request):
+    """Seek the reference. What is left out comes from the axis's settings."""
+
+    model_config = examples.shown(examples.HOME)
+
+    method: int | None = Field(default=None, ge=-128, le=127, description="Homing method (6098h).")
+    unit: Unit | None = Field(default=None, description="Needed with any speed or acceleration.")
+    fast: int | float | None = Field(
+        default=None, gt=0, description="Speed while seeking the switch, `unit`/s"
+    )
+    slow: int | float | None = Field(default=None, gt=0, description="Speed while seeking the edge, `unit`/s")
+    acceleration: int | float | None = Field(default=None, gt=0, description="`unit`/s2")
+    timeout_s: int | float | None = Field(default=None, gt=0, le=3600, description="Seconds it may take.")
+
+
+class Limits(Reply):
+    """The limit switches; True: pressed."""
+
+    negative: bool
+    positive: bool
+
+
+class ActiveEmergency(Reply):
+    """An emergency that is still active."""
+
+    id: int
+    code: str = Field(description="EMCY error code, hexadecimal.", examples=["0x8130"])
+    title: str
+    cause: str
+    remedy: str
+
+
+class AxisStatusReply(Reply):
+    """What an axis does now, from the last process data that its module sent."""
+
+    model_config = examples.shown(examples.AXIS)
+
+    node: int = Field(description="Node ID.")
+    axis: int = Field(description="Axis number.")
+    name: str
+    state: str | None = Field(description="CiA 402 state, or None while nothing is known.")
+    mode: str = Field(description="CiA 402 mode of operation that the drive shows (6061h).")
+    statusword: str = Field(description="6041h, hexadecimal.")
+    position: Quantity | None
+    velocity: Quantity | None
+    target_reached: bool
+    moving: bool
+    referenced: bool = Field(description="Whether the axis was homed since the module started.")
+    limits: Limits
+    home_switch: bool
+    emergencies: list[ActiveEmergency]
+    operation: str | None = Field(description="ID of the operation that holds the axis.")
+    age_s: float | None = Field(description="Seconds since the module sent this; None if it never did.")
+    stale: bool = Field(description="Whether this is too old to rely on.")
+
+
+class AxisList(Reply):
+    """All axes of a node."""
+
+    model_config = examples.shown({"axes": [examples.AXIS]})
+
+    axes: list[AxisStatusReply]
+
+
+class ReadinessReply(Reply):
+    """What prevents each command now."""
+
+    model_config = examples.shown(examples.READINESS)
+
+    ready: bool = Field(description="Whether a move would be accepted now.")
+    enable: list[ObstacleReply]
+    move: list[ObstacleReply]
+    velocity: list[ObstacleReply]
+    home: list[ObstacleReply]

@@ -1,0 +1,149 @@
+"""The examples of the API's document: one for each body, and lists made of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import ConfigDict
+
+Example = dict[str, Any]
+
+
+def shown(example: Example) -> ConfigDict:
+    """The part of a model's configuration that shows an example of it."""
+    return ConfigDict(json_schema_extra={"examples": [example]})
+
+
+TIME = "2026-01-01T12:00:00Z"
+MOVE: Example = {
+    "target": 51200,
+    "relative": False,
+    "unit": "steps",
+    "velocity": 51200,
+    "acceleration": 102400,
+}
+VELOCITY: Example = {"velocity": 100000, "unit": "steps"}
+HOME: Example = {"method": 19}
+OBSTACLE: Example = {
+    "code": "not_enabled",
+    "message": "The axis is switch_on_disabled.",
+    "remedy": "Enable the axis.",
+}
+AXIS: Example = {
+    "node": 1,
+    "axis": 0,
+    "name": "x",
+    "state": "operation_enabled",
+    "mode": "profile_position",
+    "statusword": "0x1637",
+    "position": {"steps": 51200, "value": 51200.0, "unit": "steps"},
+    "velocity": {"steps": 0, "value": 0.0, "unit": "steps/s"},
+    "target_reached": True,
+    "moving": False,
+    "referenced": False,
+    "limits": {"negative": False, "positive": False},
+    "home_switch": False,
+    "emergencies": [],
+    "operation": None,
+    "age_s": 0.012,
+    "stale": False,
+}
+READINESS: Example = {
+    "ready": False,
+    "enable": [],
+    "move": [OBSTACLE],
+    "velocity": [OBSTACLE],
+    "home": [OBSTACLE],
+}
+OPERATION: Example = {
+    "id": "6f1c2a7b9d3e4f506f1c2a7b9d3e4f50",
+    "kind": "move",
+    "node": 1,
+    "axis": 0,
+    "state": "running",
+    "progress": 0.4,
+    "request": {"target": 51200, "unit": "steps", "relative": False, "target_steps": 51200},
+    "result": None,
+    "error": None,
+    "reason": None,
+    "created": TIME,
+    "started": TIME,
+    "ended": None,
+    "links": {
+        "self": "/api/v1/operations/6f1c2a7b9d3e4f506f1c2a7b9d3e4f50",
+        "cancel": "/api/v1/operations/6f1c2a7b9d3e4f506f1c2a7b9d3e4f50/cancel",
+        "axis": "/api/v1/nodes/1/axes/0",
+    },
+}
+NODE: Example = {
+    "node": 1,
+    "name": "stage",
+    "model": "TMCM-3216",
+    "state": "operational",
+    "reason": "",
+    "nmt_state": "operational",
+    "identity": {
+        "device_type": "0xFFFC0192",
+        "vendor_id": "0x00000286",
+        "product_code": "0x00000C90",
+        "revision": 1,
+        "serial": 1,
+    },
+    "device_name": "TMCM-3216",
+    "hardware_version": "1.0",
+    "software_version": "1.04",
+    "serial": 1,
+    "failsafe": "unverified",
+    "heartbeat_age_s": 0.1,
+    "axes": [{"axis": 0, "name": "x", "unit": "steps", "path": "/api/v1/nodes/1/axes/0"}],
+    "counters": {"heartbeats": 12},
+}
+EMERGENCY: Example = {
+    "id": 1,
+    "time": TIME,
+    "node": 1,
+    "axis": None,
+    "code": "0x8130",
+    "register": "0x11",
+    "data": "00 00 00 00 00",
+    "title": "Heartbeat lost",
+    "cause": "The module did not hear the master in time.",
+    "remedy": "Check the cable and that the service runs, then reset the fault.",
+    "severity": "fault",
+    "active": True,
+}
+OBJECT: Example = {
+    "node": 1,
+    "index": "0x6064",
+    "sub": 0,
+    "name": "Position actual value",
+    "type": "I32",
+    "access": "ro",
+    "unit": "steps",
+    "value": 51200,
+}
+OBJECT_WRITE: Example = {"value": 51200, "confirm": False}
+BUS: Example = {
+    "name": "socketcan:can0",
+    "state": "active",
+    "reason": "",
+    "warnings": [],
+    "counters": {"received": 1200, "sent": 300},
+}
+STOP: Example = {"reason": "A hand is in the way."}
+STOP_STATE: Example = {"latched": True, "reason": "A hand is in the way.", "time": TIME}
+STOP_REPORT: Example = {
+    **STOP_STATE,
+    "complete": True,
+    "axes": [{"node": 1, "axis": 0, "outcome": "stopped", "message": "Axis x stands."}],
+}
+LIVE: Example = {"status": "alive"}
+READY: Example = {"ready": False, "reasons": ["Node 1 (stage) is absent."]}
+SERVICE: Example = {"name": "canaxis", "version": "0.1.0", "links": {"nodes": "/api/v1/nodes"}}
+PROBLEM_TYPE: Example = {
+    "type": "/problems/not-ready",
+    "code": "not_ready",
+    "status": 409,
+    "title": "Axis not ready",
+    "explanation": "The list `obstacles` names what prevents the command, and its remedy.",
+}

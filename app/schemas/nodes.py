@@ -1,0 +1,113 @@
+"""Nodes on the wire: what they are, how they are, what they reported, and their objects."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any
+
+from pydantic import Field
+
+from app.schemas import examples
+from app.schemas.common import Reply, Request
+
+
+class IdentityReply(Reply):
+    """What the module says it is (1000h, 1018h)."""
+
+    device_type: str
+    vendor_id: str
+    product_code: str
+    revision: int | None
+    serial: int | None
+
+
+class AxisName(Reply):
+    """An axis of a node, by number and name."""
+
+    axis: int
+    name: str
+    unit: str
+    path: str
+
+
+class NodeReply(Reply):
+    """One module."""
+
+    model_config = examples.shown(examples.NODE)
+
+    node: int = Field(description="Node ID.")
+    name: str
+    model: str
+    state: str = Field(
+        description="absent, booted, identified, configured, operational, lost, refused, duplicate"
+    )
+    reason: str = Field(description="Why it is in this state; empty when all is well.")
+    nmt_state: str | None = Field(description="As its last heartbeat said.")
+    identity: IdentityReply | None
+    device_name: str
+    hardware_version: str
+    software_version: str
+    serial: int | None
+    failsafe: str = Field(description="Whether it stops its motors without us: verified, unverified or off.")
+    heartbeat_age_s: float | None
+    axes: list[AxisName]
+    counters: dict[str, Any]
+
+
+class NodeList(Reply):
+    """All configured nodes."""
+
+    model_config = examples.shown({"nodes": [examples.NODE]})
+
+    nodes: list[NodeReply]
+
+
+class EmergencyReply(Reply):
+    """One emergency that a node reported, with its meaning."""
+
+    model_config = examples.shown(examples.EMERGENCY)
+
+    id: int = Field(description="Counts up per node.")
+    time: datetime
+    node: int
+    axis: int | None = Field(description="None: the module as a whole.")
+    code: str = Field(description="Hexadecimal.", examples=["0x8130"])
+    register_: str = Field(serialization_alias="register", description="Error register 1001h, hexadecimal.")
+    data: str = Field(description="The five bytes behind, hexadecimal.")
+    title: str
+    cause: str
+    remedy: str
+    severity: str
+    active: bool
+
+
+class EmergencyList(Reply):
+    """A node's emergencies, the newest first."""
+
+    model_config = examples.shown({"emergencies": [examples.EMERGENCY]})
+
+    emergencies: list[EmergencyReply]
+
+
+class ObjectReply(Reply):
+    """The value of one object; bytes are shown in hexadecimal."""
+
+    model_config = examples.shown(examples.OBJECT)
+
+    node: int
+    index: str
+    sub: int
+    name: str
+    type: str
+    access: str
+    unit: str
+    value: int | float | str | bool
+
+
+class ObjectBody(Request):
+    """A value to write past the axis."""
+
+    model_config = examples.shown(examples.OBJECT_WRITE)
+
+    value: int | float | str | bool
+    confirm: bool = Field(default=False, description="Needed for objects that could endanger motion.")

@@ -1,0 +1,176 @@
+"""Server-sent events: a snapshot first, then what changes.
+
+Each event is encoded once and the same bytes go to every client. Each client has a bounded queue in the hub;
+what it misses it is told in a `missed` event. The response is a plain stream: anything richer costs several
+times that.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+from collections import OrderedDict
+from collections.abc import AsyncGenerator, Callable
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+from starlette.requests import ClientDisconnect
+from starlette.responses import StreamingResponse
+from starlette.types import Receive, Scope, Send
+
+from app import views
+from app.problems import ApiError
+from drivers.master.emergencies import EmergencyRecord
+from drivers.master.events import Event, Subscription
+from drivers.master.motion import Motion
+
+if TYPE_CHECKING:
+    from app.service import Service
+
+KEEP_ALIVE = 15.0
+"""Seconds of silence after which a comment keeps the connection open."""
+PAUSE = 0.02
+"""Seconds between two chunks to one client: of what changes faster, it gets the latest."""
+CAPACITY = 256
+"""How many events that must not be lost may wait for one client."""
+ENCODED = 512
+"""How many encoded events are kept for the other clients."""
+
+
+def encode(kind: str, data: object, event_id: int | None = None) -> bytes:
+    """One event as the bytes of a text/event-stream."""
+    text = json.dumps(data, ensure_ascii=False, allow_nan=False, separators=(",", ":"), default=_plain)
+    head = f"event: {kind}\n" if event_id is None else f"id: {event_id}\nevent: {kind}\n"
+    return f"{head}data: {text}\n\n".encode()
+
+
+def _plain(value: object) -> str:
+    if isinstance(value, datetime):
+        return value.isoformat()
+    raise TypeError(f"{type(value).__name__} has no place in an event")
+
+
+class EventStream(StreamingResponse):
+    """A stream that gives back what it holds, however it ends."""
+
+    def __init__(self, chunks: AsyncGenerator[bytes], release: Callable[[], None]) -> None:
+        super().__init__(
+            chunks,
+            media_type="text/event-stream",
+            headers={"Cache-Control": "no-cache", "X-Accel-Buffering": "no"},
+        )
+        self._chunks = chunks
+        self._release = release
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send until the client goes or the generator ends."""
+        try:
+            with contextlib.suppress(ClientDisconnect):
+                await super().__call__(scope, receive, send)
+        finally:
+            self._release()
+            await self._chunks.aclose()
+
+
+class Streams:
+    """All open streams of the service, and the bytes that they share."""
+
+    def __init__(self, service: Service, limit: int) -> None:
+        self._service = service
+        self._limit = limit
+        self._open: set[Subscription] = set()
+        self._encoded: OrderedDict[int, bytes] = OrderedDict()
+        self._closed = False
+        self.missed = 0
+        """Events that slow clients lost, all together."""
+
+    def __len__(self) -> int:
+        return len(self._open)
+
+    def open(self, last_event_id: int | None) -> EventStream:
+        """A new stream. Raises `ApiError` (503) if there are too many, or at shutdown."""
+        if self._closed:
+            raise ApiError("shutting_down", "The service is shutting down and opens no new stream.")
+        if len(self._open) >= self._limit:
+            raise ApiError("too_many_streams", f"{self._limit} event streams are open already.")
+        subscription = self._service.network.events.subscribe(CAPACITY)
+        self._open.add(subscription)
+        return EventStream(
+            self._chunks(subscription, last_event_id), release=lambda: self._release(subscription)
+        )
+
+    def close(self) -> None:
+        """End every stream."""
+        self._closed = True
+        for subscription in tuple(self._open):
+            subscription.close()
+
+    def _release(self, subscription: Subscription) -> None:
+        self.missed += subscription.missed
+        subscription.close()
+        self._open.discard(subscription)
+
+    async def _chunks(self, subscription: Subscription, last_event_id: int | None) -> AsyncGenerator[bytes]:
+        begun = self._service.network.events.last_id
+        yield self._beginning(last_event_id)
+        while True:
+            try:
+                async with asyncio.timeout(KEEP_ALIVE):
+                    event = await subscription.get()
+            except TimeoutError:
+                yield b": keep-alive\n\n"
+                continue
+            waiting = [event] if event is not None else []
+            while (another := subscription.take()) is not None:
+                waiting.append(another)
+            chunk = b"".join(
+                self._bytes_of(each) for each in waiting if each.id > begun or each.kind == "missed"
+            )
+            if chunk:
+                yield chunk
+            if event is None:
+                return
+            await asyncio.sleep(PAUSE)
+
+    def _beginning(self, last_event_id: int | None) -> bytes:
+        """The events that the client missed, as far as they are kept, then a snapshot of everything."""
+        hub = self._service.network.events
+        chunks = [b"retry: 2000\n\n"]
+        if last_event_id is not None:
+            kept = hub.since(last_event_id)
+            if kept is None:
+                chunks.append(encode("missed", {"missed": None, "since": last_event_id}))
+            else:
+                chunks.extend(self._bytes_of(event) for event in kept)
+        chunks.append(encode("snapshot", views.snapshot(self._service), hub.last_id))
+        return b"".join(chunks)
+
+    def _bytes_of(self, event: Event) -> bytes:
+        if event.kind == "missed":  # of this one client
+            return encode("missed", dict(event.data), event.id)
+        known = self._encoded.get(event.id)
+        if known is None:
+            known = encode(event.kind, self._wire(event), event.id)
+            self._encoded[event.id] = known
+            if len(self._encoded) > ENCODED:
+                self._encoded.popitem(last=False)
+        return known
+
+    def _wire(self, event: Event) -> dict[str, Any]:
+        """What the event says to a client; the same shapes as in the replies to GET."""
+        service = self._service
+        data: dict[str, Any]
+        if event.kind == "axis" and event.node is not None and event.axis is not None:
+            data = views.axis_status(service.network.node(event.node).axis(event.axis)).model_dump(
+                mode="json"
+            )
+        elif event.kind == "node" and event.node is not None:
+            data = views.node(service.network.node(event.node)).model_dump(mode="json")
+        elif event.kind == "emergency" and isinstance(record := event.data["record"], EmergencyRecord):
+            data = views.emergency(record).model_dump(mode="json", by_alias=True)
+        elif event.kind == "motion" and isinstance(motion := event.data["motion"], Motion):
+            data = service.operations.reply_for(motion).model_dump(mode="json")
+        else:  # bus, stop
+            data = {key: views.plain(value) for key, value in event.data.items()}
+        return {**data, "time": event.time.isoformat(), "node": event.node, "axis": event.axis}

@@ -1,0 +1,190 @@
+"""From the drivers' snapshots to the wire models: the one place that shapes what a client sees."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+from enum import Enum
+from typing import TYPE_CHECKING, Any, cast
+
+from app.schemas.axes import ActiveEmergency, AxisStatusReply, Limits, ReadinessReply
+from app.schemas.common import ObstacleReply
+from app.schemas.nodes import AxisName, EmergencyReply, IdentityReply, NodeReply
+from app.schemas.system import AxisStopReply, BusReply, StopReply, StopState
+from app.units import Scale
+from drivers.errors import Obstacle
+from drivers.master.axis import Axis
+from drivers.master.emergencies import EmergencyRecord
+from drivers.master.node import Node
+from drivers.master.readiness import AxisCommand
+from drivers.master.status import StopLatch, StopReport
+
+if TYPE_CHECKING:
+    from app.service import Service
+
+
+def axis_path(axis: Axis) -> str:
+    """Where an axis is."""
+    return f"/api/v1/nodes/{axis.node.node_id}/axes/{axis.number}"
+
+
+def axis_status(axis: Axis) -> AxisStatusReply:
+    """An axis as its last TPDOs left it."""
+    status = axis.status
+    scale = Scale.of(axis.config)
+    motion = axis.motion
+    age = axis.age()
+    return AxisStatusReply(
+        node=axis.node.node_id,
+        axis=axis.number,
+        name=axis.name,
+        state=None if status.state is None else status.state.value,
+        mode=status.mode.name.lower(),
+        statusword=f"0x{status.statusword:04X}",
+        position=None if status.position is None else scale.quantity(status.position),
+        velocity=None if status.velocity is None else scale.quantity(status.velocity, "/s"),
+        target_reached=status.target_reached,
+        moving=status.moving,
+        referenced=status.referenced,
+        limits=Limits(negative=status.switches.negative_limit, positive=status.switches.positive_limit),
+        home_switch=status.switches.home,
+        emergencies=[
+            ActiveEmergency(id=e.id, code=f"0x{e.code:04X}", title=e.title, cause=e.cause, remedy=e.remedy)
+            for e in status.emergencies
+        ],
+        operation=None if motion is None or motion.done else motion.id,
+        age_s=None if age is None else round(age, 4),
+        stale=status.stale,
+    )
+
+
+def obstacles(found: Sequence[Obstacle]) -> list[ObstacleReply]:
+    """What prevents a command."""
+    return [ObstacleReply(code=o.code, message=o.message, remedy=o.remedy) for o in found]
+
+
+def readiness(axis: Axis) -> ReadinessReply:
+    """What prevents each command on an axis now."""
+    move = obstacles(axis.readiness(AxisCommand.MOVE))
+    return ReadinessReply(
+        ready=not move,
+        enable=obstacles(axis.readiness(AxisCommand.ENABLE)),
+        move=move,
+        velocity=obstacles(axis.readiness(AxisCommand.VELOCITY)),
+        home=obstacles(axis.readiness(AxisCommand.HOME)),
+    )
+
+
+def node(node: Node) -> NodeReply:
+    """A node as it is now."""
+    status = node.status()
+    identity = status.identity
+    return NodeReply(
+        node=node.node_id,
+        name=node.name,
+        model=node.config.model,
+        state=status.state.value,
+        reason=status.reason,
+        nmt_state=None if status.nmt_state is None else status.nmt_state.name.lower(),
+        identity=None
+        if identity is None
+        else IdentityReply(
+            device_type=f"0x{identity.device_type:08X}",
+            vendor_id=f"0x{identity.vendor_id:08X}",
+            product_code=f"0x{identity.product_code:08X}",
+            revision=identity.revision,
+            serial=identity.serial,
+        ),
+        device_name=status.device_name,
+        hardware_version=status.hardware_version,
+        software_version=status.software_version,
+        serial=status.serial,
+        failsafe=status.failsafe.value,
+        heartbeat_age_s=None if status.heartbeat_age_s is None else round(status.heartbeat_age_s, 4),
+        axes=[
+            AxisName(axis=axis.number, name=axis.name, unit=axis.config.unit, path=axis_path(axis))
+            for axis in node.axes
+        ],
+        counters=dataclasses.asdict(status.counters),
+    )
+
+
+def emergency(record: EmergencyRecord) -> EmergencyReply:
+    """One emergency."""
+    return EmergencyReply(
+        id=record.id,
+        time=record.time,
+        node=record.node,
+        axis=record.axis,
+        code=f"0x{record.code:04X}",
+        register_=f"0x{record.register:02X}",
+        data=record.data.hex(" "),
+        title=record.title,
+        cause=record.cause,
+        remedy=record.remedy,
+        severity=record.severity.value,
+        active=record.active,
+    )
+
+
+def bus(service: Service) -> BusReply:
+    """The wire as it is now."""
+    status = service.network.bus_status()
+    return BusReply(
+        name=status.name,
+        state=status.state.value,
+        reason=service.bus_problem or status.reason,
+        warnings=list(status.warnings),
+        counters=dataclasses.asdict(status.counters),
+    )
+
+
+def stop(latch: StopLatch | None) -> StopState:
+    """Whether everything is stopped."""
+    if latch is None:
+        return StopState(latched=False, reason=None, time=None)
+    return StopState(latched=True, reason=latch.reason, time=latch.time)
+
+
+def stop_report(report: StopReport) -> StopReply:
+    """What a stop for everything found."""
+    return StopReply(
+        latched=True,
+        reason=report.latch.reason,
+        time=report.latch.time,
+        complete=report.complete,
+        axes=[
+            AxisStopReply(node=a.node, axis=a.axis, outcome=a.outcome.value, message=a.message)
+            for a in report.axes
+        ],
+    )
+
+
+def snapshot(service: Service) -> dict[str, Any]:
+    """Everything at once, for the beginning of a stream."""
+    nodes = service.network.nodes.values()
+    return {
+        "bus": bus(service).model_dump(mode="json"),
+        "stop": stop(service.network.stop_latched).model_dump(mode="json"),
+        "nodes": [node(n).model_dump(mode="json") for n in nodes],
+        "axes": [axis_status(a).model_dump(mode="json") for n in nodes for a in n.axes],
+        "operations": [
+            o.reply().model_dump(mode="json") for o in service.operations.newest(100) if not o.motion.done
+        ],
+    }
+
+
+def plain(value: object) -> object:
+    """A value of an event as JSON knows it."""
+    if isinstance(value, Enum):
+        return plain(value.value)
+    if value is None or isinstance(value, str | int | float | bool | datetime):
+        return value
+    if isinstance(value, bytes):
+        return value.hex(" ")
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in cast("Mapping[object, object]", value).items()}
+    if isinstance(value, Sequence):
+        return [plain(item) for item in cast("Sequence[object]", value)]
+    return str(value)

@@ -1,0 +1,93 @@
+"""THE table: every error of the drivers has a row, and every row a status and a way out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from app.problems import PROBLEM_TYPES, of_driver_error, of_status, of_validation
+from drivers import errors
+
+
+def classes(root: type[errors.CanaxisError]) -> Iterator[type[errors.CanaxisError]]:
+    yield root
+    for kind in root.__subclasses__():
+        yield from classes(kind)
+
+
+@pytest.mark.parametrize(
+    "kind", [kind for kind in classes(errors.CanaxisError) if kind.__module__ == "drivers.errors"]
+)
+def test_every_driver_error_has_a_row_of_its_own(kind: type[errors.CanaxisError]) -> None:
+    assert kind.code in PROBLEM_TYPES
+
+
+@pytest.mark.parametrize("row", PROBLEM_TYPES.values(), ids=PROBLEM_TYPES)
+def test_every_row_says_what_to_do(row: object) -> None:
+    _, status, title, explanation = row  # type: ignore[misc]
+    assert 400 <= status <= 599
+    assert title
+    assert explanation.endswith(".")
+
+
+@pytest.mark.parametrize(
+    ("error", "status"),
+    [
+        (errors.UnknownNode("x"), 404),
+        (errors.UnknownAxis("x"), 404),
+        (errors.NotReady("x", obstacles=()), 409),
+        (errors.AxisBusy("x", obstacles=()), 409),
+        (errors.StopLatched("x", obstacles=()), 409),
+        (errors.BadValue("x"), 422),
+        (errors.SdoAborted("x", abort_code=0x06010000, meaning="m"), 502),
+        (errors.BusDown("x"), 503),
+        (errors.NodeAway("x"), 503),
+        (errors.SdoTimeout("x"), 504),
+        (errors.TransitionTimeout("x"), 504),
+    ],
+)
+def test_the_status_of_the_common_errors(error: errors.CanaxisError, status: int) -> None:
+    reply = of_driver_error(error)
+    assert reply.status == reply.body["status"] == status
+    assert reply.body["type"] == "/problems/" + error.code.replace("_", "-")
+    assert reply.body["hint"]
+
+
+def test_an_abort_carries_where_and_why() -> None:
+    error = errors.SdoAborted(
+        "refused", abort_code=0x06090031, meaning="too high", node=1, axis=2, index=0x6081, sub=0
+    )
+    body = of_driver_error(error).body
+    assert body["abort_code"] == "0x06090031"
+    assert body["abort_meaning"] == "too high"
+    assert (body["node"], body["axis"], body["index"], body["sub"]) == (1, 2, "0x6081", 0)
+
+
+def test_obstacles_are_listed_and_the_hint_is_their_remedies() -> None:
+    obstacle = errors.Obstacle("not_enabled", "It is off.", "Enable the axis.")
+    body = of_driver_error(errors.NotReady("no", obstacles=(obstacle,))).body
+    assert body["obstacles"] == [
+        {"code": "not_enabled", "message": "It is off.", "remedy": "Enable the axis."}
+    ]
+    assert body["hint"] == "Enable the axis."
+
+
+def test_a_new_error_takes_the_row_of_its_base() -> None:
+    class Novel(errors.NodeAway):
+        code = "novel"
+
+    assert of_driver_error(Novel("x")).status == 503
+
+
+def test_validation_errors_do_not_repeat_what_was_sent() -> None:
+    reply = of_validation([{"loc": ("body", "target"), "msg": "must be finite", "input": float("nan")}])
+    assert reply.status == 422
+    assert reply.body["errors"] == [{"field": "body.target", "message": "must be finite"}]
+    assert "nan" not in str(reply.body)
+
+
+def test_statuses_of_the_framework() -> None:
+    assert of_status(404, "x").body["code"] == "unknown_path"
+    assert of_status(400, "x").status == 422
+    assert of_status(418, "x").body["type"] == "about:blank"

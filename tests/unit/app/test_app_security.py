@@ -1,0 +1,177 @@
+"""The middleware alone, before an application that says yes to everything."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import httpx
+import pytest
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse
+from starlette.types import Message, Receive, Scope, Send
+
+from app.security import MAX_BODY, Policy, SecurityMiddleware
+from app.settings import ServerSettings
+
+TOKEN = "correct-horse-battery"
+JSON = {"Content-Type": "application/json"}
+
+
+async def yes(scope: Scope, receive: Receive, send: Send) -> None:
+    body = await Request(scope, receive).body()
+    await PlainTextResponse(f"yes {len(body)}")(scope, receive, send)
+
+
+def client(base: str = "http://127.0.0.1:8402", **server: object) -> httpx.AsyncClient:
+    policy = Policy.of(ServerSettings.model_validate(server))
+    return httpx.AsyncClient(transport=httpx.ASGITransport(SecurityMiddleware(yes, policy)), base_url=base)
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1:8402", "localhost:8402", "LOCALHOST:8402", "[::1]:8402"])
+async def test_our_own_hosts_are_answered(host: str) -> None:
+    async with client() as http:
+        assert (await http.get("/x", headers={"Host": host})).status_code == 200
+
+
+@pytest.mark.parametrize(
+    "host",
+    ["evil.example", "evil.example:8402", "127.0.0.1", "localhost:80", "localhost:8402.evil.example", ""],
+)
+async def test_foreign_hosts_are_refused(host: str) -> None:
+    async with client() as http:
+        response = await http.get("/x", headers={"Host": host})
+    assert response.status_code == 421
+    assert response.headers["content-type"] == "application/problem+json"
+    assert response.json()["code"] == "misdirected"
+
+
+async def test_more_hosts_come_from_the_settings() -> None:
+    async with client(allowed_hosts=["lab-pc", "proxy:9000"]) as http:
+        for host in ("lab-pc", "lab-pc:8402", "proxy:9000"):
+            assert (await http.get("/x", headers={"Host": host})).status_code == 200
+        assert (await http.get("/x", headers={"Host": "proxy:8402"})).status_code == 421
+
+
+@pytest.mark.parametrize(
+    "origin",
+    ["http://evil.example", "null", "http://localhost", "http://localhost:8402.evil.example", "file://", ""],
+)
+@pytest.mark.parametrize("method", ["POST", "PUT", "PATCH", "DELETE"])
+async def test_a_page_of_elsewhere_commands_nothing(origin: str, method: str) -> None:
+    async with client() as http:
+        response = await http.request(method, "/stop", headers={**JSON, "Origin": origin})
+    assert response.status_code == 403
+    assert response.json()["code"] == "forbidden_origin"
+
+
+async def test_own_and_listed_origins_may_command_and_any_may_read() -> None:
+    async with client(allowed_origins=["https://panel.lab/"]) as http:
+        for origin in ("http://127.0.0.1:8402", "http://localhost:8402", "https://panel.lab"):
+            assert (await http.post("/x", headers={**JSON, "Origin": origin})).status_code == 200
+        assert (await http.get("/x", headers={"Origin": "http://evil.example"})).status_code == 200
+
+
+async def test_null_can_not_be_allowed() -> None:
+    async with client(allowed_origins=["null"]) as http:
+        assert (await http.post("/x", headers={**JSON, "Origin": "null"})).status_code == 403
+
+
+@pytest.mark.parametrize(
+    "content_type",
+    [None, "text/plain", "application/x-www-form-urlencoded", "multipart/form-data", "application/jsonp", ""],
+)
+@pytest.mark.parametrize("path", ["/api/v1/nodes/1/axes/0/enable", "/api/v1/stop/reset"])
+async def test_a_command_needs_the_json_content_type_body_or_not(content_type: str | None, path: str) -> None:
+    headers = {} if content_type is None else {"Content-Type": content_type}
+    async with client() as http:
+        response = await http.post(path, headers=headers)
+    assert response.status_code == 415
+    assert response.json()["code"] == "json_required"
+
+
+@pytest.mark.parametrize(
+    "path", ["/api/v1/stop", "/api/v1/nodes/1/axes/0/stop", "/api/v1/nodes/1/axes/0/quick-stop"]
+)
+async def test_stopping_needs_no_content_type_unless_a_body_comes(path: str) -> None:
+    async with client() as http:
+        assert (await http.post(path)).status_code == 200
+        assert (await http.post(path, headers={"Content-Type": "text/plain"})).status_code == 415
+        assert (await http.post(path, content=b"{}")).status_code == 415
+        assert (await http.post(path, headers={"Origin": "http://evil.example"})).status_code == 403
+
+
+async def test_a_parameter_of_the_content_type_is_fine() -> None:
+    async with client() as http:
+        response = await http.post(
+            "/x", content=b"{}", headers={"Content-Type": "Application/JSON; charset=utf-8"}
+        )
+    assert response.text == "yes 2"
+
+
+@pytest.mark.parametrize(
+    "header", [None, "Bearer wrong", f"Basic {TOKEN}", TOKEN, "Bearer", f"Bearer {TOKEN}x", "Bearer tök"]
+)
+async def test_without_the_token_nothing_is_told(header: str | None) -> None:
+    headers = {} if header is None else {"Authorization": header.encode("latin-1")}
+    async with client(token=TOKEN) as http:
+        response = await http.get("/metrics", headers=headers)
+    assert response.status_code == 401
+    assert response.headers["www-authenticate"].startswith("Bearer")
+    assert TOKEN not in response.text
+
+
+async def test_the_token_opens_and_probes_need_none() -> None:
+    async with client(token=TOKEN) as http:
+        assert (await http.get("/x", headers={"Authorization": f"bearer {TOKEN}"})).status_code == 200
+        for path in ("/livez", "/readyz", "/docs", "/openapi.json", "/problems/not-ready"):
+            assert (await http.get(path)).status_code == 200
+
+
+async def test_a_large_body_is_refused_declared_or_not() -> None:
+    async def chunks() -> Iterable[bytes]:  # type: ignore[misc]
+        for _ in range(MAX_BODY // 1024 + 1):
+            yield bytes(1024)
+
+    async with client() as http:
+        assert (await http.post("/x", content=bytes(MAX_BODY), headers=JSON)).status_code == 200
+        assert (await http.post("/x", content=bytes(MAX_BODY + 1), headers=JSON)).status_code == 413
+        assert (await http.post("/x", content=chunks(), headers=JSON)).status_code == 413
+
+
+async def test_a_request_that_breaks_off_is_not_carried_out() -> None:
+    called = False
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        nonlocal called
+        called = True
+
+    messages: list[Message] = [
+        {"type": "http.request", "body": b"{", "more_body": True},
+        {"type": "http.disconnect"},
+    ]
+    sent: list[Message] = []
+
+    async def receive() -> Message:
+        return messages.pop(0)
+
+    async def send(message: Message) -> None:
+        sent.append(message)
+
+    headers = [(b"host", b"localhost:8402"), (b"content-type", b"application/json")]
+    scope = {"type": "http", "method": "POST", "path": "/x", "headers": headers}
+    await SecurityMiddleware(app, Policy.of(ServerSettings()))(scope, receive, send)
+    assert not called
+    assert not sent
+
+
+async def test_a_websocket_is_closed_before_it_is_accepted() -> None:
+    sent: list[Message] = []
+
+    async def send(message: Message) -> None:
+        sent.append(message)
+
+    async def receive() -> Message:
+        return {"type": "websocket.connect"}
+
+    await SecurityMiddleware(yes, Policy.of(ServerSettings()))({"type": "websocket"}, receive, send)
+    assert [message["type"] for message in sent] == ["websocket.close"]
