@@ -106,21 +106,17 @@ class MemoryWire:
         if self._timer is not None:
             return
         loop = asyncio.get_running_loop()
-        if self._bit_rate is None:
-            self._timer = loop.call_soon(self._flush)
-        else:
-            # The winner is chosen a turn later, so that all who start in this turn take part in the
-            # arbitration.
-            self._timer = loop.call_soon(self._begin)
+        # The winner is chosen a turn later, so that all who start in this turn take part in the arbitration.
+        self._timer = loop.call_soon(self._flush if self._bit_rate is None else self._carry, loop.time())
 
     # --- the wire at work
 
-    def _take_winner(self) -> tuple[MemoryBus, Frame] | None:
-        """Take the frame that wins the arbitration now from its port; None if none waits."""
+    def _take_winner(self, at: float) -> tuple[MemoryBus, Frame] | None:
+        """Take the frame that wins the arbitration at a time from its port; None if none waits."""
         best: tuple[MemoryBus, Frame] | None = None
         best_key: tuple[int, int, int, int] | None = None
         for port in self._ports:
-            frame = port.foremost()
+            frame = port.foremost(at)
             if frame is None:
                 continue
             key = arbitration_key(frame)
@@ -130,27 +126,35 @@ class MemoryWire:
             best[0].take()
         return best
 
-    def _flush(self) -> None:
+    def _flush(self, at: float) -> None:
         """Without a bit rate: everything that waits, in the order in which the wire would carry it."""
         self._timer = None
         crossing: list[tuple[MemoryBus | None, Frame]] = []
-        while (winner := self._take_winner()) is not None:
+        while (winner := self._take_winner(at)) is not None:
             crossing.append(winner)
         self._deliver(crossing)
 
-    def _begin(self) -> None:
-        """With a bit rate: put the winner's frame on the wire for as long as it takes."""
-        self._timer = None
-        winner = self._take_winner()
-        if winner is not None and self._bit_rate is not None:
-            duration = frame_bits(winner[1]) / self._bit_rate
-            self._timer = asyncio.get_running_loop().call_later(duration, self._end, *winner)
+    def _carry(self, start: float) -> None:
+        """With a bit rate: put the winner's frame on the wire at `start`, for as long as it takes.
 
-    def _end(self, port: MemoryBus, frame: Frame) -> None:
+        `start` is the wire's own time, which a busy loop is late to notice: a frame grows stale in its queue
+        by what goes on on the wire, not because this process had no time.
+        """
+        self._timer = None
+        winner = self._take_winner(start)
+        if winner is not None and self._bit_rate is not None:
+            end = start + frame_bits(winner[1]) / self._bit_rate
+            self._timer = asyncio.get_running_loop().call_at(end, self._end, end, *winner)
+
+    def _end(self, due: float, port: MemoryBus, frame: Frame) -> None:
+        """The frame has crossed. A loop's timers are late by up to a millisecond, ten frames at 1 Mbit/s.
+
+        So the next frame begins when this one had to end, not when that was noticed.
+        """
         self._timer = None
         self._deliver([(port, frame)])
         if self._timer is None:
-            self._begin()
+            self._carry(due)
 
     def _deliver(self, crossing: Sequence[tuple[MemoryBus | None, Frame]]) -> None:
         """Let the faults have their way with the frames, then hand them to everyone but their senders."""
@@ -225,7 +229,7 @@ class MemoryBus:
         """Leave the wire, after waiting frames had 100 ms to go out. Idempotent."""
         if self._state is BusState.CLOSED:
             return
-        if self.foremost() is not None:
+        if self.foremost(asyncio.get_running_loop().time()) is not None:
             self._emptied.clear()
             try:
                 async with asyncio.timeout(CLOSING):
@@ -299,16 +303,16 @@ class MemoryBus:
     def release(self) -> None:
         """End `hold`."""
         self._held = False
-        if self.foremost() is not None:
+        if self.foremost(asyncio.get_running_loop().time()) is not None:
             self._wire.wake()
 
     # --- called by the wire
 
-    def foremost(self) -> Frame | None:
-        """The frame that this port would send next; None if none, or none may leave."""
+    def foremost(self, at: float) -> Frame | None:
+        """The frame that this port would send next at a time of the loop; None if none, or none may leave."""
         if self._held or not self._state.can_send:
             return None
-        return self._outbox.foremost(asyncio.get_running_loop().time())
+        return self._outbox.foremost(at)
 
     def take(self) -> None:
         """The foremost frame is on the wire now."""

@@ -48,6 +48,11 @@ _OURS = frozenset({"receive_own_messages", "can_filters"})
 """Options of python-can that this bus decides: it hears every frame of others, and none of its own."""
 
 
+def interfaces() -> list[str]:
+    """The interfaces that python-can knows here, plug-ins included."""
+    return sorted(can.VALID_INTERFACES)
+
+
 class PythonCanBus(SupervisedBus):
     """A CAN bus through python-can: `interface`, `channel`, `bitrate` and `options` are in its own words.
 

@@ -234,5 +234,10 @@ class DeviceProfile:
         """Where an SDO abort comes from on this module, and what to do; None for a code that it has not."""
         return self.meanings.aborts.get(code)
 
+    def abort_remedy(self, code: int) -> str:
+        """What to do about an SDO abort on this module; empty for a code that it has not."""
+        meaning = self.meanings.aborts.get(code)
+        return "" if meaning is None else f"{meaning.cause} {meaning.remedy}"
+
     def _base(self, address: Address) -> Address:
         return Address(self.layout.locate(address.index)[0], address.sub)

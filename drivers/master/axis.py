@@ -16,35 +16,29 @@ from drivers.cia301.objects import Address
 from drivers.cia402.power import PowerState
 from drivers.devices.emergencies import Severity
 from drivers.errors import (
-    AxisFault,
     BadValue,
-    BusError,
     CanaxisError,
-    MotionFailed,
     NodeAway,
-    NotReady,
     Obstacle,
 )
 from drivers.master import positioning, power, referencing, speed, stopping
+from drivers.master.activity import Activity
 from drivers.master.axis_setup import AxisSetup
 from drivers.master.axis_tools import AxisTools, DriveParameters
 from drivers.master.config import AxisConfig
 from drivers.master.drive import Drive
 from drivers.master.emergencies import EmergencyRecord
-from drivers.master.errands import COMING_TO_REST, Errand, ErrandName, Errands
+from drivers.master.errands import ErrandName
 from drivers.master.motion import Motion, MotionKind, Result
 from drivers.master.pdo_plan import AxisPdos
 from drivers.master.readiness import AxisCommand, obstacles, refusal
 from drivers.master.requests import HomeRequest, MoveRequest, Request, VelocityRequest
 from drivers.master.status import AxisStatus, NodeState
-from drivers.master.watch import Watchdog
 
 if TYPE_CHECKING:
     from drivers.master.node import Node
 
 _FAULT_STATES = (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE)
-_EMERGENCY_WAIT = 0.1
-"""How long the emergency that explains a FAULT may come after the statusword."""
 
 
 class Axis:
@@ -60,13 +54,14 @@ class Axis:
         timing = self.backbone.timing
         self.adopted = False
         """Whether the axis was found enabled or moving, and nobody has claimed it by `enable` yet."""
-        self._motion: Motion | None = None
-        self._errands = Errands(f"node {node.node_id} axis {number}", self.backbone.report_bug)
-        silence = timing.pdo_event_timer * timing.status_stale
-        self._watchdogs = tuple(Watchdog(silence, timing.loop_grace, self._on_silence) for _ in range(2))
-        self._drive = Drive(pdos, self.backbone.send, timing, node.counters, self._on_status)
+        self._owes_stop = False
+        """Whether it was out of reach since it was commanded, so that it must stand before anything else."""
+        self._drive = Drive(
+            pdos, self.backbone.send, timing, node.counters, self._on_status, self._on_silence
+        )
         parameters = DriveParameters(node.objects, number)
         self._tools = AxisTools(node.node_id, number, config, timing, self._drive, node.objects, parameters)
+        self._activity = Activity(self._tools, self.backbone.report_bug)
         self.setup = AxisSetup(self._tools)
 
     # --- what it is and does ---
@@ -82,12 +77,12 @@ class Axis:
 
         A turning that has its velocity is no running motion any more.
         """
-        return self._motion
+        return self._activity.motion
 
     @property
     def errand(self) -> ErrandName | None:
         """What the axis is busy with."""
-        return None if self._errands.current is None else self._errands.current.name
+        return self._activity.errand
 
     def age(self) -> float | None:
         """Seconds since the older of the two status TPDOs came; None: never."""
@@ -118,7 +113,7 @@ class Axis:
         """
         self._require(AxisCommand.DISABLE)
         self._begin_disable("The axis was disabled.")
-        await self._join()
+        await self._activity.join()
 
     async def reset_fault(self) -> None:
         """From FAULT to SWITCH_ON_DISABLED; never enables. Quiet where there is no fault.
@@ -126,9 +121,9 @@ class Axis:
         Raises `AxisFault`.
         """
         self._require(AxisCommand.RESET_FAULT)
-        if self.errand in COMING_TO_REST:
+        if self._activity.coming_to_rest:
             with contextlib.suppress(CanaxisError):  # said to whoever asked for it
-                await self._join()
+                await self._activity.join()
             self._require(AxisCommand.RESET_FAULT)
         await self._join_or_begin(ErrandName.RESETTING, lambda: power.reset_fault(self._tools))
         if self.status.state not in _FAULT_STATES:
@@ -140,12 +135,12 @@ class Axis:
         """Ramp down to standstill and stay enabled; returns at standstill. Overtakes and ends everything.
 
         The halt goes out before the first await. Quiet if the axis stands. Nothing starts again by itself.
-        Raises `NodeAway` if the node can't be reached (the halt was sent all the same if the bus could),
-        `MotionTimeout`.
+        An enabling that is under way is taken back. Raises `NodeAway` if the node can't be reached (the halt
+        was sent all the same if the bus could), `MotionTimeout`, `TransitionTimeout`.
         """
         self.begin_stop(reason)
         if self.node.state is NodeState.OPERATIONAL:
-            await self._join()
+            await self._activity.join_rest()
         elif self.node.takes_sdo_commands:
             await stopping.stop_by_sdo(self._tools)
         else:
@@ -153,14 +148,13 @@ class Axis:
 
     def begin_stop(self, reason: str) -> None:
         """The part of `stop` that needs no waiting: ends the motion, sends the halt, goes on in a task."""
-        self._end_motion(reason)
-        if self.errand in COMING_TO_REST:
+        self._activity.cancel_motion(reason)
+        if self._activity.coming_to_rest:
             return
-        self._errands.abandon(self._superseded("a stop"))
-        with contextlib.suppress(BusError):  # the task below goes on trying; the bus says what is the matter
-            stopping.begin(self._tools)
+        self._activity.give_way("a stop")
+        stopping.begin(self._tools)
         if self.node.state is NodeState.OPERATIONAL:
-            self._errands.begin(ErrandName.STOPPING, stopping.come_to_rest(self._tools))
+            self._activity.begin(ErrandName.STOPPING, stopping.come_to_rest(self._tools))
 
     async def quick_stop(self) -> None:
         """Ramp down with 6085h; ends SWITCH_ON_DISABLED (605Ah = 2). Overtakes and ends everything, a stop
@@ -168,14 +162,14 @@ class Axis:
 
         Raises `NodeAway`, `MotionTimeout`.
         """
-        self._end_motion("The axis was quick-stopped.")
+        self._activity.cancel_motion("The axis was quick-stopped.")
         if self.errand is not ErrandName.QUICK_STOPPING:
-            self._errands.abandon(self._superseded("a quick stop"))
+            self._activity.give_way("a quick stop")
             stopping.begin_quick_stop(self._tools)
             if self.node.state is not NodeState.OPERATIONAL:
                 raise self._away("It can't be told to stop")
-            self._errands.begin(ErrandName.QUICK_STOPPING, stopping.finish_quick_stop(self._tools))
-        await self._join()
+            self._activity.begin(ErrandName.QUICK_STOPPING, stopping.finish_quick_stop(self._tools))
+        await self._activity.join()
 
     # --- motions ---
 
@@ -200,8 +194,8 @@ class Axis:
         """
         self._require(AxisCommand.VELOCITY)
         if self.errand is ErrandName.TURNING:
-            self._end_motion("Another velocity replaced it.")
-            self._errands.abandon(self._superseded("another velocity"))
+            self._activity.cancel_motion("Another velocity replaced it.")
+            self._activity.give_way("another velocity")
         return self._start(
             MotionKind.VELOCITY, request, lambda motion: speed.run(self._tools, request, motion)
         )
@@ -238,28 +232,34 @@ class Axis:
 
     def interrupt(self, error: CanaxisError, *, stop: bool) -> None:
         """Something outside ended what the axis did; with `stop` the halt is tried too."""
-        if self._motion is not None:
-            self._motion.fail(error)
-            self._motion = None
-        if stop and (self.errand in COMING_TO_REST):
+        self._activity.fail_motion(error)
+        if stop and self._activity.coming_to_rest:
             return
-        self._errands.abandon(error)
+        self._activity.abandon(error)
         if stop:
             self.begin_stop(error.message)
 
+    def back_in_reach(self) -> None:
+        """The node is operational: an axis that turns, though it was to stop meanwhile, is stopped now."""
+        latch = self.backbone.stop_latched
+        if self.status.moving and latch is not None:
+            self.begin_stop(f"A stop for everything is latched: {latch.reason}")
+        elif self.status.moving and self._owes_stop:
+            self.begin_stop("The axis was out of reach after it had been commanded.")
+        self._owes_stop = False
+
     def forget(self) -> None:
         """The module started anew: no reference, no parameters, nothing commanded."""
-        for watchdog in self._watchdogs:
-            watchdog.stop()
         self.adopted = False
+        self._owes_stop = False
         self._tools.parameters.forget()
         self._drive.note(referenced=False)
         self._drive.forget()
 
     def lose(self) -> None:
         """The node is away: the status is old, and whether the reference holds is unknown."""
-        for watchdog in self._watchdogs:
-            watchdog.stop()
+        self._owes_stop = self._owes_stop or self._drive.controlword is not None
+        self._drive.unwatch()
         self._tools.parameters.forget()
         self._drive.note(referenced=False)
         self._drive.note_stale()
@@ -267,7 +267,7 @@ class Axis:
     def on_emergencies(self, active: tuple[EmergencyRecord, ...], newest: EmergencyRecord | None) -> None:
         """The node's emergencies changed; a new one that is a fault ends the motion."""
         self._drive.note_emergencies(active)
-        if self._motion is None or newest is None or newest.axis != self.number:
+        if self.motion is None or newest is None or newest.axis != self.number:
             return
         if newest.active and newest.severity is Severity.FAULT:
             self.interrupt(self._tools.fault(self.status), stop=self.status.state not in _FAULT_STATES)
@@ -283,16 +283,15 @@ class Axis:
         """
         if self.node.state is NodeState.OPERATIONAL:
             self._begin_disable("The service is shutting down.")
-            await self._join()
+            await self._activity.join()
         elif self.node.takes_sdo_commands:
             await stopping.stop_by_sdo(self._tools)
 
     async def close(self) -> None:
         """End every task."""
-        for watchdog in self._watchdogs:
-            watchdog.stop()
-        self._end_motion("The network is being closed.")
-        await self._errands.close(self._away("The network is being closed"))
+        self._drive.unwatch()
+        self._activity.cancel_motion("The network is being closed.")
+        await self._activity.close(self._away("The network is being closed"))
 
     # --- inside ---
 
@@ -305,25 +304,24 @@ class Axis:
         self, name: ErrandName, work: Callable[[], Coroutine[object, object, None]]
     ) -> None:
         if self.errand is not name:
-            self._errands.begin(name, work())
-        await self._join()
-
-    async def _join(self) -> None:
-        if self._errands.current is not None:
-            await self._errands.current.join()
+            self._activity.begin(name, work())
+        await self._activity.join()
 
     async def _enable(self) -> None:
         if self.adopted:
+            if self._drive.energised:  # a set point that was halted half-way would go on with the next move
+                stopping.begin(self._tools)
+                await stopping.come_to_rest(self._tools)
             await self.setup.claim()
             self.adopted = False
         await power.enable(self._tools)
 
     def _begin_disable(self, reason: str) -> None:
-        self._end_motion(reason)
+        self._activity.cancel_motion(reason)
         if self.errand is not ErrandName.DISABLING:
-            self._errands.abandon(self._superseded("a disable"))
+            self._activity.give_way("a disable")
             stopping.begin(self._tools)
-            self._errands.begin(ErrandName.DISABLING, self._disable())
+            self._activity.begin(ErrandName.DISABLING, self._disable())
 
     async def _disable(self) -> None:
         if self._drive.energised:
@@ -334,74 +332,9 @@ class Axis:
         self, kind: MotionKind, request: Request, work: Callable[[Motion], Coroutine[object, object, Result]]
     ) -> Motion:
         motion = Motion(kind, self, request, self._on_motion)
-        self._motion = motion
-        name = {
-            MotionKind.MOVE: ErrandName.MOVING,
-            MotionKind.VELOCITY: ErrandName.TURNING,
-            MotionKind.HOME: ErrandName.HOMING,
-        }[kind]
         self._on_motion(motion)
-        self._errands.begin(name, self._carry_out(motion, work))
+        self._activity.carry_out(motion, work)
         return motion
-
-    async def _carry_out(
-        self, motion: Motion, work: Callable[[Motion], Coroutine[object, object, Result]]
-    ) -> None:
-        """Drive a motion to its end; what fails is brought to rest before the axis is free again."""
-        errand = self._errands.current
-        try:
-            result = await work(motion)
-        except AxisFault as fault:
-            motion.fail(await self._explained(fault))
-        except CanaxisError as error:
-            motion.fail(error)
-            await self._rest_after_failure(errand)
-        except Exception as bug:
-            motion.fail(MotionFailed(f"Axis {self.name}: the service failed: {bug!r}.", **self._tools.where))
-            raise
-        else:
-            self._errands.release(errand)  # first: whoever waits for the end may command at once
-            self._forget_motion(motion)
-            motion.succeed(result)
-        finally:
-            self._forget_motion(motion)
-
-    def _forget_motion(self, motion: Motion) -> None:
-        if self._motion is motion:
-            self._motion = None
-
-    async def _explained(self, fault: AxisFault) -> AxisFault:
-        """The emergency often comes just behind the statusword."""
-        if self.status.emergencies:
-            return fault
-        await self._drive.until(lambda s: bool(s.emergencies), _EMERGENCY_WAIT)
-        return self._tools.fault(self.status)
-
-    async def _rest_after_failure(self, errand: Errand | None) -> None:
-        if errand is not None:
-            errand.name = ErrandName.STOPPING
-        if self._drive.energised:
-            try:
-                stopping.begin(self._tools)
-            except BusError:
-                return  # the motion's error says already that it failed; the bus says why
-            await stopping.come_to_rest(self._tools)
-
-    def _end_motion(self, reason: str) -> None:
-        if self._motion is not None:
-            self._motion.give_up(reason)
-            self._motion = None
-
-    def _superseded(self, what: str) -> NotReady:
-        obstacle = Obstacle(
-            "superseded", f"It was ended by {what}.", "Give the command again if it is still wanted."
-        )
-        return NotReady(
-            f"Axis {self.name}: {obstacle.message}",
-            obstacles=(obstacle,),
-            node=self.node.node_id,
-            axis=self.number,
-        )
 
     def _away(self, what: str) -> NodeAway:
         return NodeAway(
@@ -416,21 +349,16 @@ class Axis:
         )
 
     def _on_status(self, status: AxisStatus) -> None:
-        for watchdog, heard in zip(
-            self._watchdogs, (self._drive.status_at, self._drive.motion_at), strict=True
-        ):
-            if heard is not None:
-                watchdog.feed(heard)
         self.backbone.events.publish(
             "axis", node=self.node.node_id, axis=self.number, data={"status": status}
         )
 
     def _on_silence(self) -> None:
-        self._drive.note_stale()
-        if self._motion is not None:
+        """A status TPDO is overdue. `interrupt` lets a coming to rest go on."""
+        if self.motion is not None or self.status.moving:
             self.interrupt(
                 NodeAway(
-                    f"The status of axis {self.name} stopped coming during the motion; a stop was sent.",
+                    f"The status of axis {self.name} stopped coming while it moved; a stop was sent.",
                     hint="Whether the axis stands is unknown until its status is back.",
                     **self._tools.where,
                 ),

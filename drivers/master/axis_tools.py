@@ -38,6 +38,10 @@ class DriveParameters:
                 await self._objects.write(address, value, priority=Priority.CONTROL)
                 self._held[address] = value
 
+    def held(self, index: int, sub: int, otherwise: int) -> int:
+        """What the module is known to hold; `otherwise` where that is unknown."""
+        return self._held.get(self._objects.address(index, sub, self._axis), otherwise)
+
     def forget(self, address: Address | None = None) -> None:
         """The module may hold something else now: at one address, or (None) everywhere."""
         if address is None:
@@ -86,13 +90,14 @@ class AxisTools:
             **self.where,
         )
 
-    async def settle(self) -> None:
-        """At standstill: let the position that belongs to it arrive; it travels apart from the statusword."""
-        await self.drive.until(lambda status: status.velocity == 0, 1.5 * self.timing.pdo_event_timer)
-
     async def enter_mode(self, mode: Mode, controlword: int = Controlword.ENABLE_OPERATION) -> None:
-        """6060h by RPDO 1, and wait until 6061h follows. Raises `TransitionTimeout`."""
+        """6060h by RPDO 1, and wait until 6061h follows. Raises `TransitionTimeout`.
+
+        A halt that still holds a set point back is not released before mode 0 has discarded that.
+        """
         drive = self.drive
+        if drive.halted and not controlword & Controlword.HALT:
+            await self.enter_mode(Mode.NO_MODE, Controlword.ENABLE_OPERATION | Controlword.HALT)
         if drive.commanded_mode is mode and drive.status.mode is mode and drive.controlword == controlword:
             return
 

@@ -30,6 +30,8 @@ class Backbone:
         self.stop_latched: StopLatch | None = None
         self.closing = False
         """Whether new work is refused because the network is being closed."""
+        self.heartbeat_paused = False
+        """Whether our heartbeat pauses on purpose, so that every module is about to stop its motors."""
         self.report_bug = on_bug
 
     def send(self, frame: Frame, urgent: bool = False) -> None:

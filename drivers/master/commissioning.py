@@ -62,6 +62,8 @@ async def verify_failsafe(
 def _obstacles(node: Node, everybody: Iterable[Axis]) -> Iterable[Obstacle]:
     if node.state is not NodeState.OPERATIONAL:
         yield Obstacle("node_away", f"It is {node.state}.", "Wait until the node is operational.")
+    if node.backbone.heartbeat_paused:
+        yield Obstacle("busy", "Another check is under way.", "Wait until it has ended.")
     if not any(axis.status.state is PowerState.OPERATION_ENABLED for axis in node.axes):
         yield Obstacle("not_enabled", "None of its axes is enabled.", "Enable one of the node's axes.")
     for axis in everybody:

@@ -20,6 +20,7 @@ from drivers.master.emergencies import EmergencyRecord
 from drivers.master.pdo_plan import AxisPdos
 from drivers.master.status import AxisStatus, Switches
 from drivers.master.timing import Timing
+from drivers.master.watch import Watchdog
 
 Condition = Callable[[AxisStatus], bool]
 """Looks at a status; may raise a `CanaxisError`, which then ends the waiting."""
@@ -38,12 +39,22 @@ class Drive:
         timing: Timing,
         counters: NodeCounters,
         on_status: Callable[[AxisStatus], None],
+        on_silence: Callable[[], None],
     ) -> None:
+        """`on_status` is told every new status, `on_silence` that a status TPDO is overdue."""
         self._pdos = pdos
         self._send = send
         self._timing = timing
         self._counters = counters
         self._on_status = on_status
+        silence = timing.pdo_event_timer * timing.status_stale
+
+        def overdue() -> None:
+            self.note_stale()
+            on_silence()
+
+        self._status_watchdog = Watchdog(silence, timing.loop_grace, overdue)
+        self._motion_watchdog = Watchdog(silence, timing.loop_grace, overdue)
         self._waiters: list[tuple[Condition, asyncio.Future[bool]]] = []
         self.status = AxisStatus()
         self.status_at: float | None = None
@@ -53,8 +64,6 @@ class Drive:
         self.controlword: int | None = None
         """What was commanded last; None: nothing since the node's last boot-up."""
         self.commanded_mode: Mode | None = None
-        self.commanded_velocity = 0
-        """60FFh as sent last, steps/s."""
         self._target = 0
 
     # --- upwards ---
@@ -68,6 +77,7 @@ class Drive:
             return
         self._counters.pdos += 1
         self.status_at = asyncio.get_running_loop().time()
+        self._status_watchdog.feed(self.status_at)
         self._replace(self._with_statusword(statusword, mode, inputs))
 
     def on_motion_pdo(self, frame: Frame) -> None:
@@ -79,10 +89,15 @@ class Drive:
             return
         self._counters.pdos += 1
         self.motion_at = asyncio.get_running_loop().time()
+        self._motion_watchdog.feed(self.motion_at)
         self._replace(replace(self.status, position=position, velocity=velocity, **self._freshness()))
 
     def seed(self, statusword: int, mode: int, position: int) -> None:
-        """What was read by SDO before PDOs flow; the status stays stale until they do."""
+        """What was read by SDO before PDOs flow; the status stays stale until they do.
+
+        What was commanded before counts no more: somebody else may have commanded since.
+        """
+        self.controlword = self.commanded_mode = None
         seen = self._with_statusword(statusword, mode, 0)
         self.status_at = self.motion_at = None
         self._replace(replace(seen, position=position, stale=True))
@@ -103,11 +118,15 @@ class Drive:
 
     def forget(self) -> None:
         """The module started anew: nothing that was commanded or seen holds any more."""
-        self.controlword = None
-        self.commanded_mode = None
-        self.commanded_velocity = 0
+        self.unwatch()
+        self.controlword = self.commanded_mode = None
         self.status_at = self.motion_at = None
         self._replace(AxisStatus(emergencies=self.status.emergencies))
+
+    def unwatch(self) -> None:
+        """Expect no status TPDO until one comes."""
+        self._status_watchdog.stop()
+        self._motion_watchdog.stop()
 
     async def until(
         self, condition: Condition, seconds: float, *, resend: Callable[[], None] | None = None
@@ -123,20 +142,34 @@ class Drive:
         try:
             if condition(self.status):
                 return True
-            deadline = loop.time() + seconds
-            while (remaining := deadline - loop.time()) > 0:
-                await asyncio.wait(
-                    {met}, timeout=min(remaining, self._timing.resend) if resend else remaining
-                )
+            patience = self._timing.resend if resend else seconds
+            left = seconds  # counted down: a rest too small for the clock to see would be waited for for ever
+            while left > 0:
+                await asyncio.wait({met}, timeout=min(left, patience))
                 if met.done():
                     return met.result()
-                if resend is not None:
+                left -= patience
+                if resend is not None and left > 0:
                     resend()
             return False
         finally:
             self._waiters.remove(waiter)
             if met.done():
                 met.exception()  # retrieved, should the waiting task have been cancelled at the same moment
+
+    async def fresh_motion(self) -> bool:
+        """Wait for a position and velocity sampled from now on; False if none comes."""
+        since = self._landed()
+        return await self.until(lambda _: _is_after(self.motion_at, since), self._patience)
+
+    async def fresh_status(self) -> bool:
+        """Wait for both status TPDOs sampled from now on, all commands under way included; False if they
+        don't come.
+        """
+        since = self._landed()
+        return await self.until(
+            lambda _: _is_after(self.motion_at, since) and _is_after(self.status_at, since), self._patience
+        )
 
     # --- downwards ---
 
@@ -147,12 +180,29 @@ class Drive:
 
     @property
     def energised(self) -> bool:
-        """Whether OPERATION_ENABLED was seen last, or is just being commanded."""
-        state = self.status.state
-        if state is PowerState.OPERATION_ENABLED:
-            return True
-        enabling = self.controlword is not None and self.controlword & 0x8F == Controlword.ENABLE_OPERATION
-        return enabling and state in (PowerState.READY_TO_SWITCH_ON, PowerState.SWITCHED_ON)
+        """Whether the drive holds its motor, as far as is known: only then may 0Fh be sent to it as a halt.
+
+        What was commanded counts beside what was seen, which may be older: a drive that was told to leave
+        OPERATION_ENABLED must not be brought back to it.
+        """
+        match self.status.state:
+            case PowerState.OPERATION_ENABLED:
+                return self.controlword is None or self._enable_commanded
+            case None:
+                return self._enable_commanded
+            case _:
+                return False
+
+    @property
+    def being_enabled(self) -> bool:
+        """Whether OPERATION_ENABLED was commanded and not yet seen."""
+        ready = (PowerState.READY_TO_SWITCH_ON, PowerState.SWITCHED_ON)
+        return self._enable_commanded and self.status.state in ready
+
+    @property
+    def halted(self) -> bool:
+        """Whether a halt was commanded last, and not taken back."""
+        return self.energised and self.controlword is not None and bool(self.controlword & Controlword.HALT)
 
     @property
     def holding(self) -> int:
@@ -174,7 +224,7 @@ class Drive:
 
     def command_velocity(self, controlword: int, velocity: int, *, urgent: bool = False) -> None:
         """RPDO 3; `velocity` in steps/s."""
-        self.controlword, self.commanded_velocity = controlword, velocity
+        self.controlword = controlword
         pdo = self._pdos.velocity
         self._send(Frame(pdo.cob_id, pdo.mapping.pack((controlword, velocity))), urgent)
 
@@ -198,6 +248,19 @@ class Drive:
                 self.command(enabled | Controlword.HALT, mode, urgent=urgent)
 
     # --- inside ---
+
+    @property
+    def _enable_commanded(self) -> bool:
+        return self.controlword is not None and self.controlword & 0x8F == Controlword.ENABLE_OPERATION
+
+    @property
+    def _patience(self) -> float:
+        """How long a status TPDO may take that is sent again at each event timer tick."""
+        return 1.5 * self._timing.pdo_event_timer + self._timing.flight
+
+    def _landed(self) -> float:
+        """When everything that is under way now has arrived."""
+        return asyncio.get_running_loop().time() + self._timing.flight
 
     def _with_statusword(self, statusword: int, mode: int, inputs: int) -> AxisStatus:
         return replace(
@@ -232,6 +295,10 @@ class Drive:
                 except Exception as error:
                     met.set_exception(error)
         self._on_status(status)
+
+
+def _is_after(heard: float | None, since: float) -> bool:
+    return heard is not None and heard > since
 
 
 def _mode(value: int) -> Mode:

@@ -57,6 +57,7 @@ class Network:
         self._router.add(cob.heartbeat(config.master_node_id), self._on_own_heartbeat)
         self._heartbeat = HeartbeatProducer(config.heartbeat_ms / 1000, self._beat, self._on_missed)
         self._unsubscribe: Callable[[], None] | None = None
+        self._closing = asyncio.Lock()
         self._bus_reason = ""
         self._bus_served = False
         self._warnings: dict[str, str] = {}
@@ -90,23 +91,26 @@ class Network:
 
         The heartbeat goes on until the axes stand, or `Timing.shutdown` is over. Idempotent.
         """
-        if self._unsubscribe is None:
-            return
         self._backbone.closing = True
-        try:
-            async with asyncio.timeout(self.timing.shutdown):
-                await asyncio.gather(*(self._put_to_rest(axis) for axis in self._axes()))
-        except TimeoutError:
-            self._publish_bus(
-                "The network was closed though not every axis was seen to stand and be disabled."
-            )
-        for node in self.nodes.values():
-            await node.close()
-        self._heartbeat.stop()
-        self._unsubscribe()
-        self._unsubscribe = None
-        await self._backbone.bus.close()
-        self.events.close()
+        async with self._closing:
+            if self._unsubscribe is None:
+                return
+            try:
+                async with asyncio.timeout(self.timing.shutdown):
+                    await asyncio.gather(*(self._put_to_rest(axis) for axis in self._axes()))
+                    await asyncio.gather(*(node.release() for node in self.nodes.values()))
+            except TimeoutError:
+                self._publish_bus(
+                    "The network was closed though not every axis was seen to stand and be disabled."
+                )
+            finally:  # whatever goes wrong: a heartbeat that goes on would keep motors turning
+                self._unsubscribe()
+                self._unsubscribe = None
+                self._heartbeat.stop()
+                for node in self.nodes.values():
+                    await node.close()
+                await self._backbone.bus.close()
+                self.events.close()
 
     async def __aenter__(self) -> Network:
         await self.open()
@@ -159,7 +163,7 @@ class Network:
         `TransitionTimeout`.
         """
         return await verify_failsafe(
-            self.node(ref), self._axes(), self._heartbeat.stop, self._heartbeat.start
+            self.node(ref), self._axes(), self._pause_heartbeat, self._resume_heartbeat
         )
 
     # --- stop for everything ---
@@ -176,8 +180,10 @@ class Network:
             latch = self._backbone.stop_latched = StopLatch(reason, datetime.now(UTC))
             self.events.publish("stop", data={"latched": True, "reason": reason})
         for axis in self._axes():
-            with contextlib.suppress(CanaxisError):  # one axis's trouble must not keep another from its halt
+            try:
                 axis.begin_stop(f"A stop for everything was given: {reason}")
+            except Exception as bug:  # one axis's bug must not keep another from its halt
+                self._note_failure(bug)
         return latch
 
     async def stop_all(self, reason: str) -> StopReport:
@@ -216,6 +222,8 @@ class Network:
             await axis.shut_down()
         except CanaxisError as error:
             self._publish_bus(f"While closing: {error.message}")
+        except Exception as bug:  # one axis's bug must not keep another from its rest
+            self._on_bug(bug)
 
     def _axes(self) -> tuple[Axis, ...]:
         return tuple(axis for node in self.nodes.values() for axis in node.axes)
@@ -267,15 +275,29 @@ class Network:
         with contextlib.suppress(BusError):  # counted; the bus says by itself what is the matter
             self._backbone.send(frame, True)
 
+    def _pause_heartbeat(self) -> None:
+        self._backbone.heartbeat_paused = True
+        self._heartbeat.stop()
+
+    def _resume_heartbeat(self) -> None:
+        self._heartbeat.start()
+        self._backbone.heartbeat_paused = False
+
     def _on_missed(self, periods: int) -> None:
         self._backbone.counters.late_heartbeats += periods
 
     def _on_bug(self, bug: BaseException) -> None:
         """Keep the first, and have every axis stop before anybody ends the service."""
-        if self.failure is None:
-            self.failure = bug
-            self._failed.set()
+        if self._note_failure(bug):
             self.latch_stop(f"The service failed unexpectedly: {bug!r}")
+
+    def _note_failure(self, bug: BaseException) -> bool:
+        """Whether it is the first."""
+        if self.failure is not None:
+            return False
+        self.failure = bug
+        self._failed.set()
+        return True
 
 
 def _profile(catalog: Catalog, model: str) -> DeviceProfile:

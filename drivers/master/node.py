@@ -26,6 +26,7 @@ from drivers.errors import (
 from drivers.master.axis import Axis
 from drivers.master.backbone import Backbone
 from drivers.master.config import AxisConfig, NodeConfig
+from drivers.master.configure import CONSUMER_HEARTBEAT
 from drivers.master.counters import NodeCounters
 from drivers.master.emergencies import EmergencyLog, EmergencyRecord
 from drivers.master.guard import Guard, guard_of
@@ -63,7 +64,9 @@ class Node:
         self.pdos = pdos
         self.backbone = backbone
         self.counters = NodeCounters()
-        self.sdo = SdoClient(self.node_id, backbone.send, backbone.timing, self.counters.sdo)
+        self.sdo = SdoClient(
+            self.node_id, backbone.send, backbone.timing, self.counters.sdo, profile.abort_remedy
+        )
         self.objects = ObjectAccess(self.node_id, profile, self.sdo)
         self.state = NodeState.ABSENT
         self.reason = "It has not answered yet."
@@ -206,6 +209,20 @@ class Node:
     def is_away(self, what: str) -> NodeAway:
         """The error for what can't be done without the node."""
         return NodeAway(f"Node {self.name}: {what}", node=self.node_id)
+
+    async def release(self) -> None:
+        """Take leave of a node whose axes are off: then the end of our heartbeat is no error to it (1016h).
+
+        It is left in Pre-operational. A node that is not seen to be off, or does not answer, keeps its watch.
+        """
+        off = all(axis.status.state in _SWITCHED_OFF and not axis.status.stale for axis in self.axes)
+        if self.state is not NodeState.OPERATIONAL or not off:
+            return
+        try:
+            await self.objects.write(CONSUMER_HEARTBEAT, 0, priority=Priority.CONTROL)
+            self.command_nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
+        except CanaxisError:
+            return  # it will see our heartbeat end, and stand all the same
 
     async def close(self) -> None:
         """End every task."""

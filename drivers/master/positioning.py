@@ -68,6 +68,10 @@ async def move(tools: AxisTools, request: MoveRequest, motion: Motion) -> Result
     finally:
         with contextlib.suppress(BusError):  # a bus that is gone must not hide why the move ended
             drive.lower_set_point()
+    drive.command_position(
+        Controlword.ENABLE_OPERATION, target
+    )  # once more: the wire may have lost the first
+    await drive.until(lambda status: status.velocity == 0, 1.5 * timing.pdo_event_timer)
     return {"position": drive.status.position or 0, "target": target}
 
 

@@ -120,6 +120,12 @@ def _permission(axis: Axis) -> Iterator[Obstacle]:
             f"A stop for everything is latched: {latch.reason}",
             "Reset it on purpose with POST /api/v1/stop/reset.",
         )
+    if axis.backbone.heartbeat_paused:
+        yield Obstacle(
+            "heartbeat_paused",
+            "Our heartbeat pauses for a check of the fail-safe; the modules are about to stop their motors.",
+            "Wait until the check has ended.",
+        )
     if axis.node.failsafe is Failsafe.OFF and not axis.backbone.config.allow_unverified_failsafe:
         yield Obstacle(
             "failsafe_off",

@@ -13,7 +13,6 @@ from drivers.errors import BusError, MotionFailed, MotionTimeout
 from drivers.master.axis_tools import AxisTools
 from drivers.master.motion import Motion, Result
 from drivers.master.requests import HomeRequest
-from drivers.master.sdo_client import Priority
 from drivers.master.status import AxisStatus
 
 
@@ -78,6 +77,5 @@ async def home(tools: AxisTools, request: HomeRequest, motion: Motion) -> Result
     if not moves:
         drive.command(drive.holding, Mode.NO_MODE)
     drive.note(referenced=True)
-    address = tools.objects.address(objects.POSITION, 0, tools.number)
-    position = await tools.objects.read_int(address, priority=Priority.CONTROL)
-    return {"position": position, "method": method}
+    await drive.fresh_status()  # the position of before the jump to zero may still be shown
+    return {"position": drive.status.position or 0, "method": method}

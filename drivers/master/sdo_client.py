@@ -62,11 +62,14 @@ class SdoClient:
         send: Callable[[Frame], None],
         timing: Timing | None = None,
         counters: SdoCounters | None = None,
+        remedy: Callable[[int], str] | None = None,
     ) -> None:
+        """`remedy` says, for an abort code, what to do about it on this model; "" where it doesn't know."""
         self._node_id = node_id
         self._send = send
         self._timing = timing or Timing()
         self.counters = counters if counters is not None else SdoCounters()
+        self._remedy = remedy
         self._active: _Active | None = None
         self._held = False
         self._silent_until = 0.0

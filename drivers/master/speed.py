@@ -12,6 +12,7 @@ from drivers.master.axis_tools import AxisTools
 from drivers.master.motion import Motion, Result
 from drivers.master.ramps import velocity_change_duration
 from drivers.master.requests import VelocityRequest
+from drivers.master.sdo_client import Priority
 from drivers.master.status import AxisStatus
 
 _TOLERANCE = 0.01
@@ -26,8 +27,9 @@ async def run(tools: AxisTools, request: VelocityRequest, motion: Motion) -> Res
     acceleration = request.acceleration or config.acceleration
     await tools.parameters.require({(objects.PROFILE_ACCELERATION, 0): acceleration})
     if not (drive.mode is Mode.PROFILE_VELOCITY and drive.status.mode is Mode.PROFILE_VELOCITY):
-        # What 60FFh still holds would start the motor together with the mode.
-        drive.command_velocity(Controlword.ENABLE_OPERATION, 0)
+        # What 60FFh still holds would start the motor together with the mode: zero it by SDO, confirmed.
+        address = tools.objects.address(objects.TARGET_VELOCITY, 0, tools.number)
+        await tools.objects.write(address, 0, priority=Priority.CONTROL)
         await tools.enter_mode(Mode.PROFILE_VELOCITY)
     tools.require_enabled(drive.status)
 
@@ -42,8 +44,7 @@ async def run(tools: AxisTools, request: VelocityRequest, motion: Motion) -> Res
             hint="Check load, current and acceleration of the axis; it was told to stop.",
             **tools.where,
         )
-    if request.velocity == 0:
-        await tools.settle()
+    await drive.fresh_motion()
     return {
         "velocity": drive.status.velocity or 0,
         "position": drive.status.position or 0,

@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING
 from drivers.cia301.nmt import NmtCommand, NmtState
 from drivers.cia301.types import DataType
 from drivers.errors import (
+    BadValue,
     BusError,
     CanaxisError,
     ConfigurationRefused,
     NodeAway,
     SdoAborted,
     SdoError,
+    UnknownObject,
     WrongIdentity,
 )
 from drivers.master import configure
@@ -110,7 +112,8 @@ class NodeSupervisor:
     def _on_boot_up(self) -> None:
         node = self._node
         if node.state in (NodeState.ABSENT, NodeState.LOST) and not self._taking_in:
-            return  # it is just being looked for: nothing is known of it that could be wrong now
+            node.forget()
+            return  # it is just being looked for, and found by this
         if node.state in _SETTLED:
             error = node.is_away("it restarted by itself; references and unsaved parameters are lost.")
             node.interrupt(error, stop=False)
@@ -150,7 +153,8 @@ class NodeSupervisor:
 
     def _lose(self, reason: str) -> None:
         node = self._node
-        node.counters.losses += 1
+        if node.state is not NodeState.LOST:
+            node.counters.losses += 1
         error = node.is_away(reason)
         node.interrupt(error, stop=False)
         node.sdo.fail_all(error)
@@ -196,7 +200,7 @@ class NodeSupervisor:
             self._taking_in = True
             try:
                 await self._bring_up()
-            except (WrongIdentity, ConfigurationRefused) as error:
+            except (WrongIdentity, ConfigurationRefused, BadValue, UnknownObject) as error:
                 node.enter(NodeState.REFUSED, error.message)
                 return
             except DuplicateNode as error:
@@ -269,6 +273,8 @@ class NodeSupervisor:
         await self._change_nmt(NmtCommand.START, NmtState.OPERATIONAL)
         await self._status_of_every_axis()
         node.enter(NodeState.OPERATIONAL)
+        for axis in node.axes:
+            axis.back_in_reach()
 
     async def _change_nmt(self, command: NmtCommand, state: NmtState) -> None:
         """Command and wait for a heartbeat that says so; the command is a level and may be repeated."""

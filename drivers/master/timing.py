@@ -42,6 +42,8 @@ class Timing:
     status_stale: float = 2.5
     """In event timers: silence of a status TPDO after which the status is stale."""
 
+    flight: float = 0.005
+    """The longest that a frame may be under way: what comes later than this was sampled after a command."""
     resend: float = 0.15
     """How long an idempotent command (power state, mode, halt) may go without effect before it is sent again.
     """

@@ -181,7 +181,9 @@ class SimulatedModule:
             self._communication.consumer.next_wakeup,
             self._emergencies.next_wakeup(),
             self._transmit.next_wakeup(),
-            *(axis.next_event(now) for axis in self.axes),
+            # As of what was settled last: an event that came due since then must run in `on_time`, which
+            # also sends what follows from it.
+            *(axis.next_event(self._now) for axis in self.axes),
         ]
         return min((max(time, now) for time in times if time is not None), default=None)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import pytest
 from stack_kit import until
 
@@ -47,3 +49,15 @@ async def test_the_check_needs_an_enabled_axis_and_standstill(stack) -> None:
     stack.axes[0].move_to(MoveRequest(100_000))
     with pytest.raises(NotReady, match="in use"):
         await stack.network.verify_failsafe(1)
+
+
+async def test_nothing_begins_while_our_heartbeat_pauses(stack) -> None:
+    await stack.axes[0].enable()
+    check = asyncio.create_task(stack.network.verify_failsafe(1))
+    await asyncio.sleep(0.1)
+    with pytest.raises(NotReady, match="heartbeat pauses"):
+        stack.axes[0].move_to(MoveRequest(1000))
+    with pytest.raises(NotReady, match="Another check"):
+        await stack.network.verify_failsafe(1)
+    assert await check is Failsafe.VERIFIED
+    assert stack.axes[1].readiness(AxisCommand.ENABLE) == ()

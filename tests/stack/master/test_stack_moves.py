@@ -7,6 +7,7 @@ import asyncio
 import pytest
 from stack_kit import stack_of, until
 
+from drivers.cia301.nmt import NmtState
 from drivers.cia402.modes import Mode
 from drivers.cia402.power import PowerState
 from drivers.errors import AxisBusy, BadValue, NotReady, StopLatched, UnknownAxis, UnknownNode
@@ -230,11 +231,15 @@ async def test_closing_ramps_down_and_disables() -> None:
         axis.move_to(MoveRequest(500_000))
         await asyncio.sleep(1)
         module = stack.modules[1].module
+        heard: list[int] = []
+        stack.wire.tap(lambda _, frame: heard.append(frame.cob_id))
         await stack.network.close()
         assert [a.state for a in module.axes] == [PowerState.SWITCH_ON_DISABLED] * 3
         assert not module.axes[0].moving
-        await asyncio.sleep(5)  # our heartbeat ended, but there is nothing left to fault
+        await asyncio.sleep(5)  # our heartbeat ended: no error to a module that was taken leave of
         assert [a.state for a in module.axes] == [PowerState.SWITCH_ON_DISABLED] * 3
+        assert module.nmt_state is NmtState.PRE_OPERATIONAL
+        assert 0x81 not in heard
 
 
 async def test_names_and_numbers_find_nodes_and_axes(stack) -> None:

@@ -1,0 +1,146 @@
+"""What an axis is busy with: at most one errand, the motion that it may be for, and how both end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Coroutine
+
+from drivers.errors import AxisFault, CanaxisError, MotionFailed, NotReady, Obstacle
+from drivers.master import stopping
+from drivers.master.axis_tools import AxisTools
+from drivers.master.errands import COMING_TO_REST, Errand, ErrandName, Errands
+from drivers.master.motion import Motion, MotionKind, Result
+
+Work = Coroutine[object, object, None]
+
+_EMERGENCY_WAIT = 0.1
+"""How long the emergency that explains a FAULT may come after the statusword."""
+_ERRANDS = {
+    MotionKind.MOVE: ErrandName.MOVING,
+    MotionKind.VELOCITY: ErrandName.TURNING,
+    MotionKind.HOME: ErrandName.HOMING,
+}
+
+
+class Activity:
+    """Begins, joins, replaces and ends what one axis does. Nothing that it ends starts again."""
+
+    def __init__(self, tools: AxisTools, on_bug: Callable[[BaseException], None]) -> None:
+        self._tools = tools
+        self._errands = Errands(f"node {tools.node_id} axis {tools.number}", on_bug)
+        self.motion: Motion | None = None
+        """The motion that runs, if one does."""
+
+    @property
+    def errand(self) -> ErrandName | None:
+        """What the axis is busy with."""
+        return None if self._errands.current is None else self._errands.current.name
+
+    @property
+    def coming_to_rest(self) -> bool:
+        """Whether what runs ends at standstill."""
+        return self.errand in COMING_TO_REST
+
+    # --- beginning ---
+
+    def begin(self, name: ErrandName, work: Work) -> None:
+        """Start an errand; none may be running."""
+        self._errands.begin(name, work)
+
+    def carry_out(self, motion: Motion, work: Callable[[Motion], Coroutine[object, object, Result]]) -> None:
+        """Start the errand that a motion is; no errand may be running."""
+        self.motion = motion
+        self._errands.begin(_ERRANDS[motion.kind], self._carry_out(motion, work))
+
+    # --- waiting ---
+
+    async def join(self) -> None:
+        """Wait for the end of what runs, if anything; raises what it raised, or why it was ended."""
+        if self._errands.current is not None:
+            await self._errands.current.join()
+
+    async def join_rest(self) -> None:
+        """Wait for standstill, also where another coming to rest takes over from the one that was begun."""
+        while (errand := self._errands.current) is not None:
+            try:
+                await errand.join()
+            except NotReady:
+                if errand.ended_by is None or not self.coming_to_rest:
+                    raise
+            else:
+                return
+
+    # --- ending ---
+
+    def cancel_motion(self, reason: str) -> None:
+        """End the motion on purpose, if one runs; the errand that carries it out is not touched."""
+        if self.motion is not None:
+            self.motion.give_up(reason)
+            self.motion = None
+
+    def fail_motion(self, error: CanaxisError) -> None:
+        """End the motion as failed, if one runs; the errand that carries it out is not touched."""
+        if self.motion is not None:
+            self.motion.fail(error)
+            self.motion = None
+
+    def abandon(self, error: CanaxisError) -> None:
+        """End the errand, if one runs; whoever waits for it gets `error`."""
+        self._errands.abandon(error)
+
+    def give_way(self, what: str) -> None:
+        """`abandon` for another command of somebody's."""
+        obstacle = Obstacle(
+            "superseded", f"It was ended by {what}.", "Give the command again if it is still wanted."
+        )
+        message = f"Axis {self._tools.config.name}: {obstacle.message}"
+        self._errands.abandon(
+            NotReady(message, obstacles=(obstacle,), node=self._tools.node_id, axis=self._tools.number)
+        )
+
+    async def close(self, error: CanaxisError) -> None:
+        """Abandon what runs and wait until every task is gone."""
+        await self._errands.close(error)
+
+    # --- a motion ---
+
+    async def _carry_out(
+        self, motion: Motion, work: Callable[[Motion], Coroutine[object, object, Result]]
+    ) -> None:
+        """Drive a motion to its end; what fails is brought to rest before the axis is free again."""
+        errand = self._errands.current
+        assert errand is not None, "the errand begins before its task runs"
+        try:
+            result = await work(motion)
+        except AxisFault as fault:
+            motion.fail(await self._explained(fault))
+        except CanaxisError as error:
+            motion.fail(error)
+            await self._rest_after_failure(errand)
+        except Exception as bug:
+            name, where = self._tools.config.name, self._tools.where
+            motion.fail(MotionFailed(f"Axis {name}: the service failed: {bug!r}.", **where))
+            raise
+        else:
+            self._errands.release(errand)  # first: whoever waits for the end may command at once
+            self._forget(motion)
+            motion.succeed(result)
+        finally:
+            self._forget(motion)
+
+    def _forget(self, motion: Motion) -> None:
+        if self.motion is motion:
+            self.motion = None
+
+    async def _explained(self, fault: AxisFault) -> AxisFault:
+        """The emergency often comes just behind the statusword."""
+        drive = self._tools.drive
+        if drive.status.emergencies:
+            return fault
+        await drive.until(lambda s: bool(s.emergencies), _EMERGENCY_WAIT)
+        return self._tools.fault(drive.status)
+
+    async def _rest_after_failure(self, errand: Errand) -> None:
+        errand.name = ErrandName.STOPPING
+        if self._tools.drive.energised:
+            stopping.begin(self._tools)
+            await stopping.come_to_rest(self._tools)

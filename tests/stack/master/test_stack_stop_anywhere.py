@@ -1,0 +1,217 @@
+"""A stop at every instant of every command: standstill, bit 4 low, an honest end, and an axis that goes on.
+
+One stack serves all instants of a command, each from the same start; the clock is virtual.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Iterator
+from dataclasses import dataclass
+
+import pytest
+from stack_kit import Stack, stack_of, until
+
+from drivers.cia402 import objects
+from drivers.cia402.power import Controlword, PowerState
+from drivers.errors import NodeAway, NotReady
+from drivers.master import (
+    Axis,
+    HomeRequest,
+    Motion,
+    MotionState,
+    MoveRequest,
+    NodeState,
+    VelocityRequest,
+)
+
+pytestmark = pytest.mark.looptime
+
+STANDING = {PowerState.SWITCH_ON_DISABLED, PowerState.READY_TO_SWITCH_ON, PowerState.SWITCHED_ON}
+
+
+def instants() -> Iterator[float]:
+    """Dense where the frames of a command follow one another, sparse where nothing but time passes."""
+    yield from (tick * 0.00043 for tick in range(14))
+    yield from (0.007 + tick * 0.0047 for tick in range(6))
+    yield from (0.05, 0.13, 0.26, 0.41, 1.1)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A command, the state that it starts from, and those in which a stop may leave the axis."""
+
+    begin: Callable[[Axis], Motion | Awaitable[None]]
+    enabled: bool = True
+    ends: frozenset[PowerState] = frozenset({PowerState.OPERATION_ENABLED})
+    before: Callable[[Axis], Awaitable[object]] | None = None
+    fault: bool = False
+
+
+async def turning(axis: Axis) -> None:
+    await axis.run_at(VelocityRequest(60_000)).wait(10)
+
+
+def replaced(axis: Axis) -> Motion:
+    axis.run_at(VelocityRequest(90_000, acceleration=90_000))
+    return axis.run_at(VelocityRequest(-20_000))
+
+
+CASES = {
+    "enable": Case(Axis.enable, enabled=False, ends=frozenset({*STANDING, PowerState.OPERATION_ENABLED})),
+    "move": Case(lambda axis: axis.move_to(MoveRequest(40_000, relative=True))),
+    "short move": Case(lambda axis: axis.move_to(MoveRequest(3, relative=True))),
+    "slow ramp": Case(
+        lambda axis: axis.move_to(MoveRequest(90_000, relative=True, acceleration=60_000, deceleration=9_000))
+    ),
+    "homing": Case(lambda axis: axis.home(HomeRequest(method=18, fast=20_000, slow=2_000))),
+    "homing here": Case(lambda axis: axis.home(HomeRequest(method=35))),
+    "velocity": Case(lambda axis: axis.run_at(VelocityRequest(60_000))),
+    "velocity replaced": Case(replaced),
+    "velocity changed": Case(lambda axis: axis.run_at(VelocityRequest(-60_000)), before=turning),
+    "disable": Case(
+        Axis.disable,
+        ends=frozenset({PowerState.SWITCH_ON_DISABLED, PowerState.OPERATION_ENABLED}),
+        before=turning,
+    ),
+    "reset fault": Case(
+        Axis.reset_fault,
+        enabled=False,
+        ends=frozenset({PowerState.FAULT, PowerState.SWITCH_ON_DISABLED}),
+        fault=True,
+    ),
+}
+
+
+def in_module(stack: Stack, index: int, axis: int = 0) -> int:
+    """An object as the simulated module holds it now."""
+    now = asyncio.get_running_loop().time()
+    module = stack.modules[1].module
+    live = module.axes[axis].read(index, 0, now)
+    if live is not None:
+        return live
+    return module.dictionary.stored(module.profile.spec(index, 0, axis).address)
+
+
+async def prepare(stack: Stack, case: Case) -> Axis:
+    axis = stack.axes[0]
+    await axis.stop()
+    if case.fault:
+        stack.modules[1].apply(lambda module, now: module.axes[0].short("a", now))
+        await until(lambda: axis.status.state is PowerState.FAULT)
+        stack.modules[1].apply(lambda module, now: module.axes[0].mend(now))
+    else:
+        await axis.reset_fault()
+        await (axis.enable() if case.enabled else axis.disable())
+        if case.enabled and in_module(stack, objects.POSITION):
+            await axis.move_to(
+                MoveRequest(0, velocity=2_000_000, acceleration=9_000_000, deceleration=9_000_000)
+            ).wait(9)
+    if case.before is not None:
+        await case.before(axis)
+    return axis
+
+
+async def begun(case: Case, axis: Axis) -> tuple[Motion | None, asyncio.Task[None] | None]:
+    what = case.begin(axis)
+    if isinstance(what, Motion):
+        return what, None
+    return None, asyncio.ensure_future(what)  # type: ignore[arg-type]
+
+
+async def ended(task: asyncio.Task[None] | None) -> None:
+    """Whoever gave the command hears of its end, and of nothing but a `CanaxisError`."""
+    if task is not None:
+        async with asyncio.timeout(10):
+            await asyncio.gather(task, return_exceptions=True)
+        error = task.exception()
+        assert error is None or isinstance(error, NotReady), error
+
+
+async def stands_for_good(stack: Stack, case: Case, axis: Axis) -> None:
+    """What a stop owes, said by the module itself and by the status, then and a while later."""
+    state = axis.status.state
+    assert state in case.ends
+    assert in_module(stack, objects.VELOCITY) == 0
+    assert axis.status.velocity == 0
+    assert not axis.status.moving
+    rest = in_module(stack, objects.POSITION)
+    assert axis.status.position == rest
+    assert axis.errand is None
+    assert axis.motion is None
+    await asyncio.sleep(0.4)
+    assert in_module(stack, objects.POSITION) == rest
+    assert stack.modules[1].module.axes[0].state is axis.status.state is state
+    controlword = in_module(stack, objects.CONTROLWORD)
+    assert not controlword & (Controlword.NEW_SET_POINT | Controlword.HALT | Controlword.FAULT_RESET)
+
+
+@pytest.mark.parametrize("name", CASES)
+async def test_a_stop_at_any_instant_leaves_the_axis_standing_and_usable(name: str) -> None:
+    case = CASES[name]
+    async with stack_of(1) as stack:
+        await stack.ready()
+        for instant in instants():
+            axis = await prepare(stack, case)
+            motion, task = await begun(case, axis)
+            if instant:
+                await asyncio.sleep(instant)
+            over = motion is not None and motion.done
+            await axis.stop()
+            if motion is not None:
+                assert motion.done
+                assert over or motion.state is MotionState.CANCELLED, (instant, motion.error)
+            await ended(task)
+            try:
+                await stands_for_good(stack, case, axis)
+            except AssertionError as error:
+                raise AssertionError(f"{name}: a stop after {instant:.5f} s: {error}") from error
+        axis = await prepare(stack, CASES["move"])
+        last = axis.move_to(MoveRequest(1234))
+        await last.wait(20)
+        assert (last.state, in_module(stack, objects.POSITION)) == (MotionState.SUCCEEDED, 1234), last.error
+        assert stack.network.failure is None
+
+
+async def test_a_stop_for_everything_at_any_instant_stops_three_axes_at_three_things(stack) -> None:
+    for instant in (0.0, 0.0003, 0.0011, 0.0029, 0.006, 0.013, 0.05, 0.31):
+        axes = await stack.enabled()
+        motions = [
+            axes[0].move_to(MoveRequest(20_000, relative=True)),
+            axes[1].run_at(VelocityRequest(-40_000)),
+            axes[2].home(HomeRequest(method=17)),
+        ]
+        await asyncio.sleep(instant)
+        report = await stack.network.stop_all("a test")
+        assert report.complete, report
+        assert all(motion.state is MotionState.CANCELLED for motion in motions if motion.error)
+        assert all(motion.done for motion in motions)
+        rests = [in_module(stack, objects.POSITION, number) for number in range(3)]
+        assert [axis.status.position for axis in axes] == rests
+        stack.network.reset_stop()
+        await asyncio.sleep(0.5)
+        assert [in_module(stack, objects.POSITION, number) for number in range(3)] == rests
+
+
+@pytest.mark.parametrize("name", ["enable", "move", "homing", "velocity", "disable"])
+async def test_a_node_that_goes_at_any_instant_ends_the_command_in_bounded_time(name: str) -> None:
+    case = CASES[name]
+    async with stack_of(1) as stack:
+        await stack.ready()
+        for instant in (0.0, 0.0004, 0.0013, 0.004, 0.06):
+            axis = await prepare(stack, case)
+            motion, task = await begun(case, axis)
+            await asyncio.sleep(instant)
+            stack.modules[1].power_off()
+            if motion is not None:
+                assert await motion.wait(2), instant
+                assert motion.state is MotionState.FAILED
+            elif task is not None:
+                done, _ = await asyncio.wait({task}, timeout=2)
+                assert done, instant
+                assert isinstance(task.exception(), NodeAway | None), task.exception()
+            await until(lambda: stack.node.state is NodeState.LOST)
+            stack.modules[1].power_on()
+            await stack.ready()
+            assert axis.errand is None
+            assert axis.status.state is PowerState.SWITCH_ON_DISABLED
