@@ -1,4 +1,4 @@
-"""A drive made of a PyPI canopen LocalNode, run as a process: a judge of our master that isn't ours.
+"""A drive made of a PyPI canopen LocalNode, run as a process: it judges our master.
 
 It is as simple as a drive can be: each state is reached at once, and each set point in one step. All that it
 knows of the bus comes from canopen: SDO server, NMT, heartbeat producer, PDO mapping, EMCY producer.
