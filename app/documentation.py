@@ -36,8 +36,8 @@ TAGS = [
     {"name": "events", "description": "Changes as they happen."},
 ]
 
-ALWAYS = ("unauthorized", "misdirected", "bad_request", "internal_error")
-UNSAFE = ("forbidden_origin", "body_too_large", "json_required")
+ALWAYS = ("unauthorized", "forbidden_origin", "misdirected", "bad_request", "internal_error")
+UNSAFE = ("body_too_large", "json_required")
 NODE = ("unknown_node",)
 AXIS = (*NODE, "unknown_axis")
 REACH = ("node_away", "bus_down", "bus_overflow", "shutting_down", "wrong_identity")

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from typing import cast
+from typing import Any, cast
 
 import structlog
 from fastapi import FastAPI
 from fastapi.exceptions import RequestValidationError
+from fastapi.routing import APIRoute
+from pydantic import BaseModel
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import Response
+from starlette.routing import compile_path
 
-from app import problems
+from app import problems, validation
 from app.operations import operation_path
 from app.problems import ApiError, ProblemReply
 from app.replies import problem_response
@@ -60,18 +63,47 @@ async def _api_error(request: Request, error: Exception) -> Response:
 
 async def _validation_error(request: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)
-    return _reply(request, problems.of_validation(cast("list[dict[str, object]]", list(error.errors()))))
+    items = cast("list[validation.Item]", list(error.errors()))
+    return _reply(request, validation.of_validation(items, _fields_of_body(request)))
+
+
+def _fields_of_body(request: Request) -> list[str]:
+    """The names of the fields that a request to this route may have in its body."""
+    route: object = request.scope.get("route")
+    body = route.body_field if isinstance(route, APIRoute) else None
+    annotation: Any = None if body is None else body.field_info.annotation
+    models = (annotation, *getattr(annotation, "__args__", ()))  # a body that may be left out is a union
+    return [
+        name
+        for model in models
+        if isinstance(model, type) and issubclass(model, BaseModel)
+        for name in model.model_fields
+    ]
 
 
 async def _framework_error(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
-    headers = dict(error.headers) if error.headers else None
+    if error.status_code == 400:  # what FastAPI says of a body that it can't decode
+        return _reply(request, validation.of_unreadable())
+    headers = dict(error.headers or {})
+    if error.status_code == 405:  # the framework names the methods of the first route at this path only
+        headers["Allow"] = ", ".join(_methods_at(request)) or headers.get("Allow", "GET")
     detail = {
         404: f"There is nothing at {request.url.path[:200]}.",
         405: f"{request.url.path[:200]} doesn't take {request.method}.",
-        400: "The body is no JSON text in UTF-8.",
     }.get(error.status_code, str(error.detail))
     return _reply(request, problems.of_status(error.status_code, detail), headers)
+
+
+def _methods_at(request: Request) -> list[str]:
+    """The methods that the API's document has at the path that was asked for."""
+    paths: dict[str, dict[str, object]] = request.app.openapi()["paths"]
+    return sorted(
+        method.upper()
+        for template, operations in paths.items()
+        if compile_path(template)[0].match(request.url.path)
+        for method in operations
+    )
 
 
 async def _unexpected_error(request: Request, error: Exception) -> Response:

@@ -17,10 +17,11 @@ from app.metrics import LatencyMiddleware
 from app.routes import axes, bus, events, health, moves, nodes, objects, operations, stop
 from app.security import DOCS_ASSETS, Policy, SecurityMiddleware
 from app.service import LifespanState, Service
-from app.settings import Settings, SettingsError
+from app.settings import BusSettings, Settings, SettingsError
 from drivers.bus.base import Bus
-from drivers.bus.pythoncan import PythonCanBus
+from drivers.bus.pythoncan import PythonCanBus, interfaces
 from drivers.devices.catalog import Catalog
+from drivers.errors import BadValue
 from drivers.master.config import NetworkConfig
 from drivers.master.network import Network
 
@@ -50,11 +51,11 @@ def create_app(
     network_config = settings.network_config()
     catalog = Catalog.load()
     _check_models(network_config, catalog)
+    wire = _wire(settings.bus) if bus is None else bus
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncGenerator[LifespanState]:
         del app
-        wire = PythonCanBus(**settings.bus.arguments()) if bus is None else bus
         service = Service(settings, Network(wire, network_config, catalog))
         if on_service is not None:
             on_service(service)
@@ -89,6 +90,18 @@ def create_app(
     app.include_router(health.api_root, prefix=API)
     app.openapi = lambda: _openapi_once(app)
     return app
+
+
+def _wire(settings: BusSettings) -> Bus:
+    """The bus that the settings name, not yet open. Raises `SettingsError` for what can never be one."""
+    if settings.interface not in (known := interfaces()):
+        raise SettingsError(
+            f"bus.interface: python-can has no {settings.interface!r}; it has {', '.join(known)}"
+        )
+    try:
+        return PythonCanBus(**settings.arguments())
+    except (BadValue, ValueError) as error:
+        raise SettingsError(f"bus.options: {error}") from error
 
 
 def _check_models(config: NetworkConfig, catalog: Catalog) -> None:

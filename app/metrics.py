@@ -28,7 +28,7 @@ class Metrics:
     def __init__(self, service: Service) -> None:
         self.registry = CollectorRegistry()
         self.latency = Histogram(
-            "canaxis_http_request_seconds",
+            "canaxis_http_request_duration_seconds",
             "Time from a request to the end of its answer; event streams excluded.",
             ("operation", "status"),
             registry=self.registry,
@@ -111,7 +111,9 @@ class ServiceCollector(Collector):
         yield started
         yield GaugeMetricFamily("canaxis_event_streams", "Open event streams.", value=len(service.streams))
         yield CounterMetricFamily(
-            "canaxis_event_stream_missed", "Events that slow clients lost.", value=service.streams.missed
+            "canaxis_event_streams_missed_events",
+            "Events that slow clients lost.",
+            value=service.streams.missed,
         )
         latched = float(service.network.stop_latched is not None)
         yield GaugeMetricFamily("canaxis_stop_latched", "Whether a stop is latched.", value=latched)

@@ -14,6 +14,7 @@ from app.problems import ApiError
 from app.schemas.common import Problem
 from app.schemas.operations import OperationLinks, OperationReply, OperationState
 from app.units import Scale
+from app.views import axis_path
 from drivers.master.motion import Motion, MotionKind
 
 KEPT = 1000
@@ -62,7 +63,7 @@ class Operation:
             links=OperationLinks(
                 self=path,
                 cancel=f"{path}/cancel",
-                axis=f"/api/v1/nodes/{axis.node.node_id}/axes/{axis.number}",
+                axis=axis_path(axis),
             ),
         )
 

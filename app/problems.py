@@ -6,7 +6,7 @@ answers with the type's description. Nothing else in the service chooses a statu
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Any, NamedTuple, cast
 
@@ -42,7 +42,12 @@ _ROWS = (
     ("body_too_large", 413, "Body too large", "No request to this service needs more than 64 KiB."),
     ("json_required", 415, "JSON content type required", "Send Content-Type: application/json, body or not."),
     ("misdirected", 421, "Unknown Host", "Use the service's own address, or add it to server.allowed_hosts."),
-    ("bad_request", 422, "Request not understood", "The list `errors` names each field and what it takes."),
+    (
+        "bad_request",
+        422,
+        "Request not understood",
+        "Correct what `detail` and `errors` name, then send it again.",
+    ),
     ("key_reused", 422, "Idempotency key used before", "Send a new Idempotency-Key with each new command."),
     (
         "key_in_flight",
@@ -168,23 +173,9 @@ def _row_for(kind: type[errors.CanaxisError]) -> ProblemType:
     return PROBLEM_TYPES["error"]
 
 
-def of_validation(items: Iterable[Mapping[str, Any]]) -> ProblemReply:
-    """The reply for a request that doesn't fit its schema.
-
-    What the client sent is not repeated: it may not be JSON.
-    """
-    fields = [
-        {"field": ".".join(str(part) for part in item["loc"]), "message": str(item["msg"])} for item in items
-    ]
-    first = fields[0] if fields else {"field": "request", "message": "not understood"}
-    return problem("bad_request", f"{first['field']}: {first['message']}.", errors=fields)
-
-
 def of_status(status: int, detail: str) -> ProblemReply:
     """The reply for an error that the web framework raised."""
-    code = {404: "unknown_path", 405: "method_not_allowed", 400: "bad_request", 413: "body_too_large"}.get(
-        status
-    )
+    code = {404: "unknown_path", 405: "method_not_allowed", 413: "body_too_large"}.get(status)
     if code is not None:
         return problem(code, detail)
     try:

@@ -1,8 +1,9 @@
 """Who may speak to the service: a pure ASGI middleware in front of everything else.
 
-It refuses foreign Host headers (DNS rebinding), foreign Origins and non-JSON content types on unsafe methods
-(a web page elsewhere can't move a motor), requests without the token where one is set, and large bodies. CORS
-stays off.
+It refuses foreign Host headers (DNS rebinding), what a browser sends for a page of elsewhere, commands that
+are not declared to be JSON (so that such a page moves no motor even if the browser hides where it is from),
+requests without the token where one is set, and large bodies. CORS stays off, and no page may frame ours: a
+click in the documentation moves motors too.
 """
 
 from __future__ import annotations
@@ -25,6 +26,12 @@ DOCS_ASSETS = "/docs/assets"
 PUBLIC_PATHS = frozenset({"/livez", "/readyz", "/docs", "/openapi.json"})
 PUBLIC_FOLDERS = ("/problems/", f"{DOCS_ASSETS}/")
 MAX_BODY = 64 * 1024
+GUARDS = (
+    (b"x-content-type-options", b"nosniff"),
+    (b"x-frame-options", b"DENY"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+)
+"""Headers of every reply: what a browser must not do with it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +41,7 @@ class Policy:
     hosts: frozenset[str]
     """Values of the Host header that are ours, in lower case."""
     origins: frozenset[str]
-    """Origins of pages that may send unsafe requests, in lower case."""
+    """Origins of pages that may send requests, in lower case."""
     token_sha256: bytes | None
     """Hash of the bearer token, or None where none is needed."""
 
@@ -103,10 +110,10 @@ class SecurityMiddleware:
     async def _http(self, scope: Scope, receive: Receive, send: Send) -> None:
         headers = Headers(scope=scope)
         unsafe = scope["method"] not in SAFE_METHODS
+        send = _guarded(send)
         try:
             self._check_host(headers)
-            if unsafe:
-                self._check_origin(headers)
+            self._check_origin(headers)
             self._check_token(scope["path"], headers)
             if unsafe:
                 body = await _read_body(receive, headers)
@@ -126,11 +133,16 @@ class SecurityMiddleware:
             raise Refusal(problem("misdirected", f"This service doesn't answer for the host {shown!r}."))
 
     def _check_origin(self, headers: Headers) -> None:
-        for origin in headers.getlist("origin"):
+        """A page of elsewhere may link to us, no more: reading costs the bus something too."""
+        origins = headers.getlist("origin")
+        for origin in origins:
             if origin.lower() not in self.policy.origins:
                 raise Refusal(
-                    problem("forbidden_origin", f"Pages of {origin[:100]!r} may not command this service.")
+                    problem("forbidden_origin", f"Pages of {origin[:100]!r} may not use this service.")
                 )
+        site, mode = headers.get("sec-fetch-site"), headers.get("sec-fetch-mode")
+        if not origins and site == "cross-site" and mode != "navigate":
+            raise Refusal(problem("forbidden_origin", "Pages of other sites may not use this service."))
 
     def _check_token(self, path: str, headers: Headers) -> None:
         wanted = self.policy.token_sha256
@@ -146,9 +158,9 @@ class SecurityMiddleware:
 
 
 def _check_content_type(path: str, headers: Headers, body: bytes) -> None:
+    if not body and is_stop(path):
+        return  # stopping is the safe direction: a bare POST will do, whatever a tool declares it to be
     content_type = headers.get("content-type")
-    if content_type is None and not body and is_stop(path):
-        return  # stopping is the safe direction: a bare POST will do
     if content_type is None or content_type.partition(";")[0].strip().lower() != "application/json":
         raise Refusal(
             problem(
@@ -175,6 +187,17 @@ async def _read_body(receive: Receive, headers: Headers) -> bytes:
         chunks.append(chunk)
         if not message.get("more_body", False):
             return b"".join(chunks)
+
+
+def _guarded(send: Send) -> Send:
+    """A `send` that adds our headers for browsers."""
+
+    async def guarded(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            message = {**message, "headers": [*message.get("headers", ()), *GUARDS]}
+        await send(message)
+
+    return guarded
 
 
 def _replay(body: bytes, receive: Receive) -> Receive:

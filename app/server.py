@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import math
+import signal
 import socket
 from collections.abc import Awaitable, Callable
 from types import FrameType
 
 import uvicorn
 from fastapi import FastAPI
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from app.main import create_app
 from app.service import Service
@@ -17,6 +19,36 @@ from app.settings import Settings, SettingsError
 
 Announce = Callable[[Service, str], Awaitable[None]]
 """Called once the server listens, with the service and the server's URL."""
+HERE = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}
+"""Where this machine reaches a server that listens on all addresses."""
+MAX_HEAD = 32 * 1024
+"""Bytes of request line and headers, plus what came with the first of them."""
+
+
+class BoundedHttp(HttpToolsProtocol):
+    """HTTP/1.1 with bounded heads: uvicorn and its parser take them of any length."""
+
+    _in_head = True
+    _head = 0
+
+    def on_message_begin(self) -> None:
+        """A request begins."""
+        super().on_message_begin()
+        self._in_head, self._head = True, 0
+
+    def on_headers_complete(self) -> None:
+        """The rest is body, which the application bounds."""
+        self._in_head = False
+        super().on_headers_complete()
+
+    def data_received(self, data: bytes) -> None:
+        """Count what belongs to an unfinished head; refuse and hang up when it is too much."""
+        began_in_head = self._in_head
+        super().data_received(data)
+        if began_in_head and self._in_head:
+            self._head += len(data)
+            if self._head > MAX_HEAD and not self.transport.is_closing():
+                self.send_400_response("The head of the request is too large.")
 
 
 class AxisServer(uvicorn.Server):
@@ -101,9 +133,12 @@ def run_server(settings: Settings, announce: Announce) -> bool:
     port = int(bound.getsockname()[1])
     settings = settings.model_copy(update={"server": settings.server.model_copy(update={"port": port})})
     host = f"[{settings.server.host}]" if ":" in settings.server.host else settings.server.host
-    url = f"http://{'127.0.0.1' if host == '0.0.0.0' else host}:{port}"
+    url = f"http://{HERE.get(host, host)}:{port}"
     with bound:
         server = AxisServer(settings, announce, url)
+        closed: signal.Signals | None = getattr(signal, "SIGHUP", None)  # not on Windows
+        if closed is not None and signal.getsignal(closed) is signal.SIG_DFL:  # `nohup` ignores it
+            signal.signal(closed, server.handle_exit)  # the terminal was closed
         server.run(sockets=[bound])
     return server.started and not server.failed
 
@@ -117,7 +152,7 @@ def _config(app: FastAPI, settings: Settings) -> uvicorn.Config:
         access_log=False,
         server_header=False,
         proxy_headers=False,
-        h11_max_incomplete_event_size=32 * 1024,
+        http=BoundedHttp,
         timeout_keep_alive=30,
         timeout_graceful_shutdown=math.ceil(settings.server.stop_timeout),
     )

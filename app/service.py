@@ -74,11 +74,18 @@ class Service:
         self.network.latch_stop("The service is shutting down.")
         self.streams.close()
 
+    def check_open(self) -> None:
+        """Raises `ApiError` (503) once the service is shutting down: it takes no new command then."""
+        if self.closing:
+            raise ApiError("shutting_down", "The service is shutting down and takes no new command.")
+
     async def command(self, work: Coroutine[Any, Any, T]) -> T:
         """Run a command to its end even if the client goes away. Raises `ApiError` (503) at shutdown."""
-        if self.closing:
+        try:
+            self.check_open()
+        except ApiError:
             work.close()
-            raise ApiError("shutting_down", "The service is shutting down and takes no new command.")
+            raise
         return await self.unconditional(work)
 
     async def unconditional(self, work: Coroutine[Any, Any, T]) -> T:

@@ -7,6 +7,7 @@ get steps. A key that isn't known is an error that names the key.
 
 from __future__ import annotations
 
+import ipaddress
 import os
 import tomllib
 from collections.abc import Mapping
@@ -16,7 +17,7 @@ from typing import Annotated, Any, Self, cast
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, SecretStr, ValidationError, model_validator
 from pydantic_settings import BaseSettings, EnvSettingsSource, PydanticBaseSettingsSource, SettingsConfigDict
-from pydantic_settings import SettingsError as EnvironmentError_
+from pydantic_settings import SettingsError as UnreadableVariable
 
 from drivers.errors import BadValue
 from drivers.master.config import AxisConfig, NetworkConfig, NodeConfig
@@ -24,7 +25,6 @@ from drivers.master.config import AxisConfig, NetworkConfig, NodeConfig
 ENV_PREFIX = "CANAXIS_"
 CONFIG_VARIABLE = "CANAXIS_CONFIG"
 DEFAULT_FILE = Path("canaxis.yaml")
-LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
@@ -85,7 +85,10 @@ class ServerSettings(Section):
     @property
     def is_loopback(self) -> bool:
         """Whether only programs on this machine can reach us."""
-        return self.host in LOOPBACK or self.host.startswith("127.")
+        try:
+            return ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return self.host == "localhost"  # any other name may lead anywhere
 
     def read_token(self) -> str | None:
         """The token, from the setting or its file. Raises `SettingsError` if it can't be used."""
@@ -96,7 +99,10 @@ class ServerSettings(Section):
         else:
             return None
         if len(token) < 16 or not token.isascii() or any(c.isspace() for c in token):
-            raise SettingsError("server.token: at least 16 ASCII characters, without spaces, are needed")
+            raise SettingsError(
+                "server.token: at least 16 ASCII characters without spaces are needed; "
+                "`openssl rand -hex 16` makes some"
+            )
         return token
 
 
@@ -282,8 +288,8 @@ def load_settings(path: Path | None = None, overrides: Mapping[str, Any] | None 
         return Settings(**_merged(values, overrides or {}))
     except ValidationError as error:
         raise SettingsError(_explain(error, source)) from error
-    except EnvironmentError_ as error:
-        raise SettingsError(str(error)) from error
+    except UnreadableVariable as error:
+        raise SettingsError(f"{error} (lists and mappings are written in JSON)") from error
 
 
 def _check_environment(environ: Mapping[str, str]) -> None:

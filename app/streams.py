@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from starlette.requests import ClientDisconnect
 from starlette.responses import StreamingResponse
-from starlette.types import Receive, Scope, Send
+from starlette.types import Message, Receive, Scope, Send
 
 from app import views
 from app.problems import ApiError
@@ -34,6 +34,10 @@ PAUSE = 0.02
 """Seconds between two chunks to one client: of what changes faster, it gets the latest."""
 CAPACITY = 256
 """How many events that must not be lost may wait for one client."""
+HUNG = 30.0
+"""Seconds after which a client that takes no byte is let go, so that it holds no place and no memory."""
+RETRY = b"retry: 2000\n\n"
+"""Tells a client how many milliseconds after a break to come back."""
 ENCODED = 512
 """How many encoded events are kept for the other clients."""
 
@@ -47,7 +51,7 @@ def encode(kind: str, data: object, event_id: int | None = None) -> bytes:
 
 def _plain(value: object) -> str:
     if isinstance(value, datetime):
-        return value.isoformat()
+        return value.isoformat().replace("+00:00", "Z")  # as the replies to GET write it
     raise TypeError(f"{type(value).__name__} has no place in an event")
 
 
@@ -64,10 +68,15 @@ class EventStream(StreamingResponse):
         self._release = release
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Send until the client goes or the generator ends."""
+        """Send until the client goes, hangs, or the generator ends."""
+
+        async def send_in_time(message: Message) -> None:
+            async with asyncio.timeout(HUNG):
+                await send(message)
+
         try:
-            with contextlib.suppress(ClientDisconnect):
-                await super().__call__(scope, receive, send)
+            with contextlib.suppress(ClientDisconnect, TimeoutError):
+                await super().__call__(scope, receive, send_in_time)
         finally:
             self._release()
             await self._chunks.aclose()
@@ -82,8 +91,12 @@ class Streams:
         self._open: set[Subscription] = set()
         self._encoded: OrderedDict[int, bytes] = OrderedDict()
         self._closed = False
-        self.missed = 0
+        self._missed = 0
+
+    @property
+    def missed(self) -> int:
         """Events that slow clients lost, all together."""
+        return self._missed + sum(subscription.missed for subscription in self._open)
 
     def __len__(self) -> int:
         return len(self._open)
@@ -107,9 +120,10 @@ class Streams:
             subscription.close()
 
     def _release(self, subscription: Subscription) -> None:
-        self.missed += subscription.missed
-        subscription.close()
-        self._open.discard(subscription)
+        if subscription in self._open:
+            self._open.discard(subscription)
+            self._missed += subscription.missed
+            subscription.close()
 
     async def _chunks(self, subscription: Subscription, last_event_id: int | None) -> AsyncGenerator[bytes]:
         begun = self._service.network.events.last_id
@@ -136,7 +150,7 @@ class Streams:
     def _beginning(self, last_event_id: int | None) -> bytes:
         """The events that the client missed, as far as they are kept, then a snapshot of everything."""
         hub = self._service.network.events
-        chunks = [b"retry: 2000\n\n"]
+        chunks = [RETRY]
         if last_event_id is not None:
             kept = hub.since(last_event_id)
             if kept is None:
@@ -173,4 +187,4 @@ class Streams:
             data = service.operations.reply_for(motion).model_dump(mode="json")
         else:  # bus, stop
             data = {key: views.plain(value) for key, value in event.data.items()}
-        return {**data, "time": event.time.isoformat(), "node": event.node, "axis": event.axis}
+        return {**data, "time": _plain(event.time), "node": event.node, "axis": event.axis}

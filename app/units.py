@@ -49,11 +49,17 @@ class Scale:
         if self.unit == STEPS:
             if isinstance(value, int):
                 return value
-            raise ApiError("bad_value", f"{field}: steps are whole numbers, not {value}.")
+            raise ApiError(
+                "bad_value",
+                f"{field}: steps are whole numbers, not {value}.",
+                hint="Write it without point and exponent, e.g. 1000.",
+            )
         try:
             return round(value * self.steps_per_unit)
         except (OverflowError, ValueError) as error:
-            raise ApiError("bad_value", f"{field}: the number is out of all range.") from error
+            raise ApiError(
+                "bad_value", f"{field}: the number is out of all range.", hint=f"Give another {field}."
+            ) from error
 
     def rate(self, field: str, value: float | None) -> int | None:
         """A speed or acceleration without direction, in steps; at least 1, since 0 would mean to stand."""

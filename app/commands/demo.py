@@ -44,8 +44,8 @@ def demo(
     overrides: dict[str, Any] = {"log": {"level": "warning"}}
     if port is not None:
         overrides["server"] = {"port": port}
-    configure_logs(load_settings(config, overrides).log)
     settings = load_settings(config, overrides)
+    configure_logs(settings.log)
     with _simulator(can_port, panel_port, [node.id for node in settings.nodes]) as simulator:
         bus = {
             "interface": "socketcand",
@@ -55,9 +55,9 @@ def demo(
         }
         settings = load_settings(config, overrides | {"bus": bus})
         ended_well = run_server(settings, partial(_announce, simulator.panel))
-    print("Axes stopped and disabled; service and simulator ended." if ended_well else "", flush=True)
     if not ended_well:
         sys.exit(1)
+    print("Axes stopped and disabled; service and simulator ended.", flush=True)
 
 
 class Simulator(NamedTuple):
@@ -155,7 +155,8 @@ async def _until_operational(service: Service) -> None:
     try:
         async with asyncio.timeout(CONFIGURING):
             while not all(n.status().state is NodeState.OPERATIONAL for n in service.network.nodes.values()):
-                await events.get()
+                if await events.get() is None:
+                    return
     except TimeoutError:
         print("The module is not ready yet; see /readyz.", flush=True)
     finally:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated
 
 from fastapi import APIRouter, Header
@@ -11,13 +12,15 @@ from app.deps import ServiceDep
 from app.documentation import Responses, problems
 
 router = APIRouter(prefix="/events", tags=["events"])
+_EVENT_ID = re.compile(r"[0-9]{1,18}")
 
 STREAM: Responses = {
     200: {
         "description": (
             "Server-sent events. `snapshot` first (`bus`, `stop`, `nodes`, `axes`, `operations`), "
             "then `axis`, `node`, `bus`, `emergency`, `motion`, `stop` as they happen, and `missed` "
-            "where this client was too slow. Comments keep the connection open."
+            "where this client was too slow. Comments keep the connection open. openapi/events.md has "
+            "the fields of each, with examples."
         ),
         "content": {
             "text/event-stream": {
@@ -39,12 +42,15 @@ async def stream_events(
     service: ServiceDep,
     last_event_id: Annotated[
         str | None,
-        Header(alias="Last-Event-ID", max_length=20, description="Replay what was missed since this event."),
+        Header(
+            alias="Last-Event-ID",
+            description="Replay what was missed since this event; ignored if it is no event's number.",
+        ),
     ] = None,
 ) -> Response:
     """Everything once, then what changes.
 
     A client that comes back with `Last-Event-ID` gets what it missed.
     """
-    known = last_event_id if last_event_id and last_event_id.isascii() and last_event_id.isdecimal() else None
-    return service.streams.open(None if known is None else int(known))
+    known = _EVENT_ID.fullmatch(last_event_id or "")
+    return service.streams.open(None if known is None else int(known[0]))

@@ -61,7 +61,7 @@ def not_ready_reasons(service: Service) -> list[str]:
     "/metrics",
     summary="Measurements for Prometheus",
     response_class=PlainTextResponse,
-    responses={200: {"content": {"text/plain": {"example": "canaxis_up 1.0\n"}}}, **problems()},
+    responses={200: {"content": {"text/plain": {"example": "canaxis_bus_up 1.0\n"}}}, **problems()},
 )
 async def get_metrics(service: ServiceDep) -> Response:
     """Counters of the bus, the nodes, the operations and this API."""

@@ -57,7 +57,7 @@ async def move_axis(
         deceleration=scale.rate("deceleration", body.deceleration),
     )
     asked = body.model_dump(exclude_none=True) | {"target_steps": request.target}
-    _take_no_more(service)
+    service.check_open()
     return await _begun(service, axis.move_to(request), asked, wait, response)
 
 
@@ -75,7 +75,7 @@ async def run_axis(
         acceleration=scale.rate("acceleration", body.acceleration),
     )
     asked = body.model_dump(exclude_none=True) | {"velocity_steps": request.velocity}
-    _take_no_more(service)
+    service.check_open()
     return await _begun(service, axis.run_at(request), asked, wait, response)
 
 
@@ -95,13 +95,8 @@ async def home_axis(
         acceleration=scale.rate("acceleration", body.acceleration),
         timeout_s=body.timeout_s,
     )
-    _take_no_more(service)
+    service.check_open()
     return await _begun(service, axis.home(request), body.model_dump(exclude_none=True), wait, response)
-
-
-def _take_no_more(service: Service) -> None:
-    if service.closing:
-        raise ApiError("shutting_down", "The service is shutting down and takes no new command.")
 
 
 async def _begun(
@@ -109,7 +104,7 @@ async def _begun(
 ) -> OperationReply:
     """Register the motion, wait as long as the client wants, answer."""
     operation = service.operations.add(motion, asked)
-    ended = await motion.wait(wait.seconds) if wait.seconds > 0 else motion.done
+    ended = await wait.until_end(motion)
     response.headers["Location"] = operation_path(operation.id)
     response.status_code = 200 if ended else 202
     if wait.preferred:

@@ -31,8 +31,7 @@ async def list_operations(
 async def get_operation(id: OperationId, service: ServiceDep, wait: WaitDep) -> OperationReply:  # noqa: A002
     """How far it is. With `wait` the answer comes when it ended, at the latest after that time."""
     operation = service.operations.get(id)
-    if wait.seconds > 0:
-        await operation.motion.wait(wait.seconds)
+    await wait.until_end(operation.motion)
     return operation.reply()
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from app.schemas import examples
-from app.schemas.common import ObstacleReply, Quantity, Reply, Request, Unit
+from app.schemas.common import Number, ObstacleReply, Quantity, Rate, Reply, Request, Unit
 
 
 class MoveBody(Request):
@@ -13,12 +13,12 @@ class MoveBody(Request):
 
     model_config = examples.shown(examples.MOVE)
 
-    target: int | float = Field(description="Position or distance in `unit`; whole where the unit is steps.")
+    target: Number = Field(description="Position or distance in `unit`; whole where the unit is steps.")
     unit: Unit
     relative: bool = Field(default=False, description="Whether `target` is a distance from here.")
-    velocity: int | float | None = Field(default=None, gt=0, description="`unit`/s")
-    acceleration: int | float | None = Field(default=None, gt=0, description="`unit`/s2")
-    deceleration: int | float | None = Field(default=None, gt=0, description="`unit`/s2")
+    velocity: Rate = Field(default=None, description="`unit`/s")
+    acceleration: Rate = Field(default=None, description="`unit`/s2")
+    deceleration: Rate = Field(default=None, description="`unit`/s2")
 
 
 class VelocityBody(Request):
@@ -26,9 +26,9 @@ class VelocityBody(Request):
 
     model_config = examples.shown(examples.VELOCITY)
 
-    velocity: int | float = Field(description="`unit`/s; the sign is the direction.")
+    velocity: Number = Field(description="`unit`/s; the sign is the direction.")
     unit: Unit
-    acceleration: int | float | None = Field(default=None, gt=0, description="`unit`/s2, up and down.")
+    acceleration: Rate = Field(default=None, description="`unit`/s2, up and down.")
 
 
 class HomeBody(Request):
@@ -38,12 +38,10 @@ class HomeBody(Request):
 
     method: int | None = Field(default=None, ge=-128, le=127, description="Homing method (6098h).")
     unit: Unit | None = Field(default=None, description="Needed with any speed or acceleration.")
-    fast: int | float | None = Field(
-        default=None, gt=0, description="Speed while seeking the switch, `unit`/s"
-    )
-    slow: int | float | None = Field(default=None, gt=0, description="Speed while seeking the edge, `unit`/s")
-    acceleration: int | float | None = Field(default=None, gt=0, description="`unit`/s2")
-    timeout_s: int | float | None = Field(default=None, gt=0, le=3600, description="Seconds it may take.")
+    fast: Rate = Field(default=None, description="Speed while seeking the switch, `unit`/s")
+    slow: Rate = Field(default=None, description="Speed while seeking the edge, `unit`/s")
+    acceleration: Rate = Field(default=None, description="`unit`/s2")
+    timeout_s: float | None = Field(default=None, gt=0, le=3600, description="Seconds it may take.")
 
 
 class Limits(Reply):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic_core import PydanticCustomError
 
 from app.schemas import examples
 
@@ -13,6 +15,41 @@ class Request(BaseModel):
     """A body that a client sends: strict types, finite numbers, no unknown fields."""
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+# Checked before their unions, which would give an error for each of their types instead of one sentence.
+
+
+def _number(value: object) -> int | float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise PydanticCustomError("number", "must be a number")
+    if isinstance(value, float) and not math.isfinite(value):
+        raise PydanticCustomError("number", "must be a finite number")
+    return value
+
+
+def _rate(value: object) -> int | float | None:
+    if value is None:
+        return None
+    if (number := _number(value)) <= 0:
+        raise PydanticCustomError("rate", "must be above 0")
+    return number
+
+
+def _scalar(value: object) -> int | float | str | bool:
+    if isinstance(value, str | bool):
+        return value
+    if not isinstance(value, int | float):
+        raise PydanticCustomError("scalar", "must be a number, a text, true or false")
+    return _number(value)
+
+
+Number = Annotated[int | float, BeforeValidator(_number)]
+"""A finite number; it stays whole if it was written without point and exponent."""
+Rate = Annotated[Annotated[int, Field(gt=0)] | Annotated[float, Field(gt=0)] | None, BeforeValidator(_rate)]
+"""A speed or an acceleration, without a direction; None: what the axis is configured with."""
+Scalar = Annotated[int | float | str | bool, BeforeValidator(_scalar)]
+"""The value of an object."""
 
 
 class Reply(BaseModel):
@@ -57,8 +94,8 @@ class ObstacleReply(Reply):
 class FieldError(Reply):
     """One field of a request that doesn't fit."""
 
-    field: str = Field(examples=["body.target"])
-    message: str = Field(examples=["Input should be a valid integer"])
+    field: str = Field(description="Name of the field or parameter.", examples=["target"])
+    message: str = Field(examples=["must be a number"])
 
 
 class Problem(Reply):

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import Field
 
 from app.schemas import examples
-from app.schemas.common import Reply, Request
+from app.schemas.common import Reply, Request, Scalar
 
 
 class IdentityReply(Reply):
@@ -109,5 +109,5 @@ class ObjectBody(Request):
 
     model_config = examples.shown(examples.OBJECT_WRITE)
 
-    value: int | float | str | bool
+    value: Scalar
     confirm: bool = Field(default=False, description="Needed for objects that could endanger motion.")

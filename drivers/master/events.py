@@ -40,8 +40,11 @@ class Event:
 class Subscription:
     """One subscriber's bounded queue: iterate over it, then `close` it."""
 
-    def __init__(self, capacity: int, on_close: Callable[[Subscription], None]) -> None:
+    def __init__(
+        self, capacity: int, on_close: Callable[[Subscription], None], kinds: frozenset[str] | None = None
+    ) -> None:
         self._capacity = capacity
+        self._kinds = kinds
         self._on_close = on_close
         self._latest: dict[tuple[str, int | None, int | None], Event] = {}
         self._kept: deque[Event] = deque()
@@ -54,7 +57,7 @@ class Subscription:
 
     def offer(self, event: Event) -> None:
         """Queue an event; never blocks, never raises."""
-        if self._closed:
+        if self._closed or (self._kinds is not None and event.kind not in self._kinds):
             return
         if event.kind in LATEST_WINS:
             key = (event.kind, event.node, event.axis)
@@ -128,11 +131,12 @@ class EventHub:
             subscription.offer(event)
         return event
 
-    def subscribe(self, capacity: int = 256) -> Subscription:
-        """A new subscription with room for `capacity` events that must not be lost, and the latest of each
-        status.
+    def subscribe(self, capacity: int = 256, kinds: frozenset[str] | None = None) -> Subscription:
+        """A new subscription, to some kinds or (None) all of them.
+
+        It has room for `capacity` events that must not be lost, and for the latest of each status.
         """
-        subscription = Subscription(max(1, capacity), self._subscriptions.discard)
+        subscription = Subscription(max(1, capacity), self._subscriptions.discard, kinds)
         self._subscriptions.add(subscription)
         return subscription
 

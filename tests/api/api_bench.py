@@ -146,14 +146,17 @@ class EventClient:
         self.headers: dict[bytes, bytes] = {}
         self.comments = 0
 
-    async def __aenter__(self) -> EventClient:
-        scope = {
+    def scope(self) -> Scope:
+        """The request as a server hands it to the application."""
+        return {
             "type": "http", "asgi": {"version": "3.0", "spec_version": "2.3"}, "http_version": "1.1",
             "method": "GET", "scheme": "http", "path": "/api/v1/events", "raw_path": b"/api/v1/events",
             "root_path": "", "query_string": b"", "headers": self._headers,
             "client": ("127.0.0.1", 1), "server": ("127.0.0.1", 8402),
         }  # fmt: skip
-        self._task = asyncio.create_task(self._run(scope))
+
+    async def __aenter__(self) -> EventClient:
+        self._task = asyncio.create_task(self._run(self.scope()))
         return self
 
     async def __aexit__(self, *_: object) -> None:

@@ -75,23 +75,23 @@ async def test_a_disabled_axis_says_what_to_do(bench: Bench) -> None:
     assert (problem["node"], problem["axis"]) == (1, 0)
 
 
-@pytest.mark.parametrize(
-    ("path", "code"),
-    [
-        ("/nodes/9", "unknown_node"),
-        ("/nodes/nobody/axes", "unknown_node"),
-        ("/nodes/1/axes/3", "unknown_axis"),
-        ("/nodes/1/axes/w/readiness", "unknown_axis"),
-        ("/nodes/1/axes/99999999999999999999999999", "unknown_axis"),
-        ("/operations/nothing", "unknown_operation"),
-        ("/nothing", "unknown_path"),
-    ],
-)
-async def test_what_is_unknown_is_404_with_a_hint(bench: Bench, path: str, code: str) -> None:
-    response = await bench.get(path)
-    assert response.status_code == 404
-    assert response.json()["code"] == code
-    assert response.json()["hint"]
+UNKNOWN = [
+    ("/nodes/9", "unknown_node"),
+    ("/nodes/nobody/axes", "unknown_node"),
+    ("/nodes/1/axes/3", "unknown_axis"),
+    ("/nodes/1/axes/w/readiness", "unknown_axis"),
+    ("/nodes/1/axes/99999999999999999999999999", "unknown_axis"),
+    ("/operations/nothing", "unknown_operation"),
+    ("/nothing", "unknown_path"),
+]
+
+
+async def test_what_is_unknown_is_404_with_a_hint(bench: Bench) -> None:
+    for path, code in UNKNOWN:
+        response = await bench.get(path)
+        assert response.status_code == 404
+        assert response.json()["code"] == code
+        assert response.json()["hint"]
 
 
 async def test_an_unknown_axis_is_404_for_every_command(bench: Bench) -> None:

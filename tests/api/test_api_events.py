@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+from contextlib import AsyncExitStack
 
 import pytest
 from api_bench import Bench, EventClient, running
+from starlette.types import Message
 
 from app.settings import Settings
 
@@ -146,3 +148,56 @@ async def test_a_client_that_does_not_read_is_told_how_much_it_missed(bench: Ben
             hub.publish("bus", data={"state": "active", "reason": str(number)})
         missed = await events.next("missed")
     assert missed.data["missed"] == 400 - 256
+
+
+async def test_a_last_event_id_beyond_all_bounds_is_ignored_too(bench: Bench) -> None:
+    for last_event_id in ("9" * 5000, "x" * 300):
+        async with EventClient(bench.app, last_event_id=last_event_id) as events:
+            assert (await events.next()).kind == "snapshot"
+
+
+async def test_a_client_that_takes_nothing_is_let_go(bench: Bench) -> None:
+    """Its place and its queue are free again; what it lost counts at once, not only at its end."""
+    hanging = asyncio.Event()
+
+    async def send(message: Message) -> None:
+        if message["type"] == "http.response.body":
+            hanging.set()
+            await asyncio.Event().wait()
+
+    async def receive() -> Message:
+        await asyncio.Event().wait()
+        raise AssertionError
+
+    client = EventClient(bench.app)
+    stream = asyncio.create_task(bench.app(client.scope(), receive, send))
+    await hanging.wait()
+    for number in range(300):
+        bench.service.network.events.publish("bus", data={"state": "active", "reason": str(number)})
+    assert (len(bench.service.streams), bench.service.streams.missed) == (1, 300 - 256)
+    await asyncio.wait_for(stream, 60)
+    assert len(bench.service.streams) == 0
+    assert bench.service.streams.missed >= 300 - 256
+
+
+async def test_two_hundred_clients_get_a_stop_from_one_encoding(monkeypatch: pytest.MonkeyPatch) -> None:
+    from app import streams
+
+    encoded = 0
+    real = streams.encode
+
+    def counting(kind: str, data: object, event_id: int | None = None) -> bytes:
+        nonlocal encoded
+        encoded += kind == "stop"
+        return real(kind, data, event_id)
+
+    settings = Settings.model_validate({"server": {"max_streams": 200}})
+    async with running(settings, powered=False) as bench, AsyncExitStack() as stack:
+        clients = [await stack.enter_async_context(EventClient(bench.app)) for _ in range(200)]
+        for client in clients:
+            await client.next("snapshot")
+        monkeypatch.setattr(streams, "encode", counting)
+        await bench.post("/stop", {"reason": "all"})
+        for client in clients:
+            assert (await client.next("stop")).data["reason"] == "all"
+    assert encoded == 1

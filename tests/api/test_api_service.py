@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import re
 
 import pytest
-from api_bench import Bench, running
+from api_bench import Bench, EventClient, running
+from starlette.types import Message
 
 from app.settings import Settings
 
@@ -87,7 +89,7 @@ async def test_metrics_are_what_prometheus_reads(bench: Bench) -> None:
     assert samples["canaxis_operations_started_total", (("kind", "move"),)] == 1
     assert samples["canaxis_node_sdo_completed_total", (("node", "1"),)] > 10
     key = (("operation", "enable_axis"), ("status", "200"))
-    assert samples["canaxis_http_request_seconds_count", key] == 1
+    assert samples["canaxis_http_request_duration_seconds_count", key] == 1
 
 
 async def test_problem_types_are_documented_where_their_uri_points(bench: Bench) -> None:
@@ -123,22 +125,22 @@ async def test_objects_are_read_with_name_and_type(bench: Bench) -> None:
     assert name["value"] == "TMCM-3216"
 
 
-@pytest.mark.parametrize(
-    ("path", "status", "code"),
-    [
-        ("0x5FFE/0", 404, "unknown_object"),
-        ("0x1018/200", 404, "unknown_object"),
-        ("6064/0", 422, "bad_value"),
-        ("0x/0", 422, "bad_value"),
-        ("0x60640/0", 422, "bad_value"),
-        ("0x6064/256", 422, "bad_request"),
-        ("0x6064/-1", 422, "bad_request"),
-        ("0x6064/x", 422, "bad_request"),
-    ],
-)
-async def test_bad_addresses(bench: Bench, path: str, status: int, code: str) -> None:
-    response = await bench.get(f"/nodes/1/objects/{path}")
-    assert (response.status_code, response.json()["code"]) == (status, code)
+BAD_ADDRESSES = [
+    ("0x5FFE/0", 404, "unknown_object"),
+    ("0x1018/200", 404, "unknown_object"),
+    ("6064/0", 422, "bad_value"),
+    ("0x/0", 422, "bad_value"),
+    ("0x60640/0", 422, "bad_value"),
+    ("0x6064/256", 422, "bad_request"),
+    ("0x6064/-1", 422, "bad_request"),
+    ("0x6064/x", 422, "bad_request"),
+]
+
+
+async def test_bad_addresses(bench: Bench) -> None:
+    for path, status, code in BAD_ADDRESSES:
+        response = await bench.get(f"/nodes/1/objects/{path}")
+        assert (response.status_code, response.json()["code"]) == (status, code)
 
 
 async def test_objects_are_not_written_unless_the_settings_allow_it(bench: Bench) -> None:
@@ -195,6 +197,59 @@ async def test_a_command_in_flight_holds_its_key(bench: Bench) -> None:
     second = await bench.post("/nodes/1/axes/0/move?wait=60", body, headers=key)
     assert (second.status_code, second.json()["code"]) == (409, "key_in_flight")
     assert (await first).json()["state"] == "succeeded"
+
+
+async def test_a_key_is_free_again_after_a_refusal_and_spent_by_what_was_begun(bench: Bench) -> None:
+    body = {"target": 1000, "relative": True, "unit": "steps"}
+    key = {"Idempotency-Key": "patient"}
+    refused = await bench.post("/nodes/1/axes/0/move?wait=30", body, headers=key)
+    assert (refused.status_code, refused.json()["code"]) == (409, "not_ready")
+    await bench.enable()
+    for _ in range(2):
+        done = await bench.post("/nodes/1/axes/0/move?wait=30", body, headers=key)
+        assert done.json()["result"]["position"]["steps"] == 1000
+    elsewhere = await bench.post("/nodes/1/axes/1/move?wait=30", body, headers=key)
+    assert (elsewhere.status_code, elsewhere.json()["code"]) == (422, "key_reused")
+    assert "new Idempotency-Key" in elsewhere.json()["hint"]
+
+
+async def test_a_client_that_goes_while_it_waits_leaves_its_key_answered(bench: Bench) -> None:
+    """The move goes on; who asks again with the key gets its operation at once, not 409 for minutes."""
+    await bench.enable()
+    body = json.dumps({"target": 10_000_000, "unit": "steps"}).encode()
+    key = {"Idempotency-Key": "gone"}
+    gone = asyncio.Event()
+    messages = iter([{"type": "http.request", "body": body, "more_body": False}])
+
+    async def receive() -> Message:
+        if (message := next(messages, None)) is not None:
+            return message
+        await gone.wait()
+        return {"type": "http.disconnect"}
+
+    async def send(message: Message) -> None:
+        pass
+
+    request = bench.client.build_request(
+        "POST",
+        "/api/v1/nodes/1/axes/0/move?wait=600",
+        content=body,
+        headers={"Content-Type": "application/json", **key},
+    )
+    scope = EventClient(bench.app).scope() | {
+        "method": "POST",
+        "path": request.url.path,
+        "query_string": request.url.query,
+        "headers": [(name.lower(), value) for name, value in request.headers.raw],
+    }
+    first = asyncio.create_task(bench.app(scope, receive, send))
+    await bench.until_moving()
+    gone.set()
+    await asyncio.wait_for(first, 1)
+    again = await bench.client.send(request)
+    assert (again.status_code, again.headers["idempotent-replayed"]) == (202, "true")
+    operation = (await bench.client.get(again.headers["location"])).json()
+    assert operation["state"] == "running"
 
 
 async def test_shutdown_stops_the_axes_at_once_and_takes_no_new_command(bench: Bench) -> None:

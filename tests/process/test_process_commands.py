@@ -73,7 +73,7 @@ def test_the_demo_starts_moves_and_ends_with_ctrl_c(tmp_path: Path) -> None:
         with httpx.Client(base_url=url, timeout=30) as http:
             assert http.post("/api/v1/nodes/1/axes/0/enable", headers=JSON).status_code == 200
             assert http.post("/api/v1/nodes/1/axes/0/move", json=FAR).status_code == 202
-            demo.signal(signal.SIGINT)
+            os.killpg(demo.process.pid, signal.SIGINT)  # as a terminal does
             assert demo.ended() == 0, demo.text
         assert "Axes stopped and disabled" in demo.text
         assert "Traceback" not in demo.text
@@ -153,6 +153,52 @@ def test_the_service_starts_before_its_bus_and_finds_it(tmp_path: Path) -> None:
             assert "bus" in ready.json()["reasons"][0]
             with Running(tmp_path, "simulate", "--port", str(port)):
                 until_ready(http)
+
+
+def test_a_closed_terminal_ends_it_as_ctrl_c_does(tmp_path: Path) -> None:
+    with Running(tmp_path, "serve", "--option", "port=9", "--port", "0") as service:
+        service.until(r"http://127\.0\.0\.1:\d+/api/v1")
+        service.signal(signal.SIGHUP)
+        assert service.ended() == 0, service.text
+
+
+def test_what_no_http_library_sends_is_refused_or_understood(tmp_path: Path) -> None:
+    with Running(tmp_path, "serve", "--option", "port=9", "--port", "0") as service:
+        port = int(service.until(r"http://127\.0\.0\.1:(\d+)/api/v1")[1])
+
+        def said(head: str) -> str:
+            """What comes back until the server hangs up, or for a stream: its beginning."""
+            with socket.create_connection(("127.0.0.1", port), 10) as client:
+                with contextlib.suppress(ConnectionError):
+                    client.sendall(head.replace("PORT", str(port)).encode())
+                answer = b""
+                with contextlib.suppress(ConnectionError):
+                    while b"event: snapshot" not in answer and (chunk := client.recv(65536)):
+                        answer += chunk
+            return answer.decode()
+
+        ours, end = "Host: 127.0.0.1:PORT\r\n", "Connection: close\r\n\r\n"
+        assert " 200 " in said(f"GET /livez HTTP/1.1\r\n{ours}{end}").splitlines()[0]
+        assert " 200 " in said(f"GET http://127.0.0.1:PORT/livez HTTP/1.1\r\n{ours}{end}").splitlines()[0]
+        for head in (
+            f"GET /livez HTTP/1.1\r\n{end}",
+            "GET /livez HTTP/1.0\r\n\r\n",
+            f"GET /livez HTTP/1.1\r\n{ours}Host: evil.example\r\n{end}",
+            f"GET http://127.0.0.1:PORT/livez HTTP/1.1\r\nHost: evil.example\r\n{end}",
+            f"GET /api/v1/events HTTP/1.1\r\nHost: evil.example:PORT\r\n{end}",
+        ):
+            assert " 421 " in said(head).splitlines()[0], head
+        old = said(f"GET /api/v1/events HTTP/1.0\r\n{ours}\r\n")
+        assert " 200 " in old.splitlines()[0]
+        assert "retry: 2000\n\nid: " in old, (
+            "uvicorn sends it in chunks all the same, which proxies understand"
+        )
+        escaped = said(f"GET /docs/assets/../../api/v1/nodes HTTP/1.1\r\n{ours}{end}")
+        assert " 404 " in escaped.splitlines()[0]
+        assert " 400 " in said(f"FOO / HTTP/1.1\r\n{ours}{end}").splitlines()[0]
+        long = said(f"GET /livez HTTP/1.1\r\n{ours}X: {'x' * 1_000_000}")
+        assert not long or " 400 " in long.splitlines()[0], "a head without an end is not collected for ever"
+        assert " 200 " in said(f"GET /livez HTTP/1.1\r\n{ours}{end}").splitlines()[0]
 
 
 def test_a_client_that_vanishes_in_mid_request_stops_nothing(tmp_path: Path) -> None:

@@ -64,11 +64,72 @@ async def test_a_page_of_elsewhere_commands_nothing(origin: str, method: str) ->
     assert response.json()["code"] == "forbidden_origin"
 
 
-async def test_own_and_listed_origins_may_command_and_any_may_read() -> None:
+async def test_own_and_listed_origins_may_read_and_command() -> None:
     async with client(allowed_origins=["https://panel.lab/"]) as http:
         for origin in ("http://127.0.0.1:8402", "http://localhost:8402", "https://panel.lab"):
-            assert (await http.post("/x", headers={**JSON, "Origin": origin})).status_code == 200
-        assert (await http.get("/x", headers={"Origin": "http://evil.example"})).status_code == 200
+            headers = {**JSON, "Origin": origin, "Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "cors"}
+            assert (await http.post("/x", headers=headers)).status_code == 200
+            assert (await http.get("/x", headers=headers)).status_code == 200
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Origin": "http://evil.example"},  # an EventSource, or a fetch with CORS
+        {"Origin": "https://127.0.0.1:8403"},
+        {"Origin": "http://127.0.0.1:8402, http://evil.example"},
+        {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "no-cors"},  # an image, a script
+        {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "cors"},
+        {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "websocket"},
+    ],
+)
+async def test_a_page_of_elsewhere_reads_nothing_either(headers: dict[str, str]) -> None:
+    """Its browser wouldn't show it the answer, but asking takes streams and time on the bus."""
+    async with client() as http:
+        response = await http.get("/api/v1/events", headers=headers)
+    assert response.status_code == 403
+    assert response.json()["code"] == "forbidden_origin"
+
+
+async def test_one_foreign_origin_among_several_is_one_too_many() -> None:
+    async with client() as http:
+        headers = [("Origin", "http://127.0.0.1:8402"), ("Origin", "http://evil.example")]
+        assert (await http.get("/x", headers=headers)).status_code == 403
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate"},  # a link to the documentation
+        {"Sec-Fetch-Site": "same-origin", "Sec-Fetch-Mode": "cors"},
+        {"Sec-Fetch-Site": "none", "Sec-Fetch-Mode": "navigate"},
+    ],
+)
+async def test_a_link_from_elsewhere_may_be_followed(headers: dict[str, str]) -> None:
+    async with client() as http:
+        assert (await http.get("/docs", headers=headers)).status_code == 200
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1:8402", "evil.example"])
+async def test_every_reply_tells_browsers_what_not_to_do_with_it(host: str) -> None:
+    async with client() as http:
+        headers = (await http.get("/x", headers={"Host": host})).headers
+    assert headers["x-frame-options"] == "DENY", "or a page could have its visitor click on our documentation"
+    assert headers["x-content-type-options"] == "nosniff"
+    assert headers["cross-origin-resource-policy"] == "same-origin"
+
+
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:8402"])
+async def test_the_event_stream_is_no_way_around_the_host_check(host: str) -> None:
+    async with client() as http:
+        response = await http.get("/api/v1/events", headers={"Host": host, "Accept": "text/event-stream"})
+    assert response.status_code == 421
+
+
+async def test_two_hosts_are_refused() -> None:
+    async with client() as http:
+        headers = [("Host", "127.0.0.1:8402"), ("Host", "evil.example")]
+        assert (await http.get("/x", headers=headers)).status_code == 421
 
 
 async def test_null_can_not_be_allowed() -> None:
@@ -95,7 +156,11 @@ async def test_a_command_needs_the_json_content_type_body_or_not(content_type: s
 async def test_stopping_needs_no_content_type_unless_a_body_comes(path: str) -> None:
     async with client() as http:
         assert (await http.post(path)).status_code == 200
-        assert (await http.post(path, headers={"Content-Type": "text/plain"})).status_code == 415
+        for tool in ("text/plain", "application/x-www-form-urlencoded"):  # `curl -d ''` says the latter
+            assert (await http.post(path, headers={"Content-Type": tool})).status_code == 200
+        assert (
+            await http.post(path, content=b"x", headers={"Content-Type": "text/plain"})
+        ).status_code == 415
         assert (await http.post(path, content=b"{}")).status_code == 415
         assert (await http.post(path, headers={"Origin": "http://evil.example"})).status_code == 403
 
@@ -118,6 +183,12 @@ async def test_without_the_token_nothing_is_told(header: str | None) -> None:
     assert response.status_code == 401
     assert response.headers["www-authenticate"].startswith("Bearer")
     assert TOKEN not in response.text
+
+
+@pytest.mark.parametrize("query", ["token", "access_token", "authorization"])
+async def test_a_token_in_the_url_does_not_count(query: str) -> None:
+    async with client(token=TOKEN) as http:
+        assert (await http.get(f"/x?{query}={TOKEN}")).status_code == 401
 
 
 async def test_the_token_opens_and_probes_need_none() -> None:

@@ -108,7 +108,16 @@ def test_another_address_needs_a_token(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match="token"):
         load_settings(None, {"server": {"host": "0.0.0.0"}}).check_exposure()
     load_settings(None, {"server": {"host": "0.0.0.0", "token": "0123456789abcdef"}}).check_exposure()
-    load_settings(None, {"server": {"host": "127.0.0.9"}}).check_exposure()
+    for host in ("127.0.0.9", "localhost", "::1"):
+        load_settings(None, {"server": {"host": host}}).check_exposure()
+
+
+@pytest.mark.parametrize(
+    "host", ["::", "", "192.168.1.5", "lab-pc", "127.0.0.1.evil.example", "::ffff:1.2.3.4"]
+)
+def test_no_address_that_others_reach_goes_without_a_token(host: str) -> None:
+    with pytest.raises(SettingsError, match="token"):
+        load_settings(None, {"server": {"host": host}}).check_exposure()
 
 
 def test_the_token_file_must_be_private_and_long_enough(tmp_path: Path) -> None:
@@ -143,6 +152,19 @@ def test_command_line_texts() -> None:
     ):
         with pytest.raises(SettingsError):
             parse(text)
+
+
+@pytest.mark.parametrize(
+    ("bus", "words"),
+    [
+        ({"interface": "sockectan"}, "socketcan,"),
+        ({"options": {"receive_own_messages": True}}, "bus.options"),
+        ({"options": {"port": "x"}}, "bus.options"),
+    ],
+)
+def test_what_can_never_be_a_bus_is_refused_before_anything_runs(bus: dict[str, object], words: str) -> None:
+    with pytest.raises(SettingsError, match=words):
+        create_app(Settings.model_validate({"bus": bus}))
 
 
 @pytest.mark.parametrize(
