@@ -33,8 +33,13 @@ eds: $(VENV)/.dev  ## Write the module's EDS anew from its object dictionary
 	$(BIN)/python -m drivers.devices.eds
 
 .PHONY: drift
-drift: openapi eds  ## Fail if a committed generated file differs from what its source makes now
-	git diff --exit-code -- openapi drivers/devices/data/tmcm_3216.eds
+drift: $(VENV)/.dev  ## Fail if a committed generated file differs from what its source makes now
+	$(BIN)/canaxis openapi | diff -u openapi/openapi.json -
+	$(BIN)/canaxis eds print | diff -u drivers/devices/data/tmcm_3216.eds -
+
+.PHONY: bench
+bench: $(VENV)/.dev  ## Measure what simulated modules cost, idle and turning
+	$(BIN)/python bench/simulated_modules.py
 
 .PHONY: format
 format: $(VENV)/.dev  ## Put the source into the house's format

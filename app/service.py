@@ -11,6 +11,7 @@ from typing import Any, TypedDict, TypeVar
 
 import structlog
 
+from app import journal
 from app.metrics import Metrics
 from app.operations import OperationRegister
 from app.problems import ApiError
@@ -43,12 +44,15 @@ class Service:
         self._tasks: set[asyncio.Task[Any]] = set()
         self._opener: asyncio.Task[None] | None = None
         self._watcher: asyncio.Task[None] | None = None
+        self._journal: asyncio.Task[None] | None = None
         self.on_failure: Callable[[], None] | None = None
         """Called when a bug in the drivers came to light; the axes were told to stop by then."""
 
     async def open(self) -> None:
         """Open the network; if the bus isn't there, go on without it and try again in the background."""
         self._watcher = asyncio.create_task(self._watch(), name="failure watch")
+        events = self.network.events.subscribe(kinds=journal.KINDS)
+        self._journal = asyncio.create_task(journal.keep_journal(events), name="journal")
         if not await self._try_open():
             self._opener = asyncio.create_task(self._keep_trying(), name="bus opener")
 
@@ -61,9 +65,10 @@ class Service:
             task.cancel()
         await asyncio.gather(*background, return_exceptions=True)
         await self.network.close()
-        for task in self._tasks:
+        remaining = [*self._tasks, *([] if self._journal is None else [self._journal])]
+        for task in remaining:
             task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await asyncio.gather(*remaining, return_exceptions=True)
 
     def begin_shutdown(self) -> None:
         """Stop every axis now, refuse new commands, end the streams. Called on the first signal."""
@@ -119,7 +124,6 @@ class Service:
             self.bus_problem = error.message
             return False
         self.bus_problem = None
-        log.info("bus open", bus=self.network.bus_status().name)
         return True
 
     async def _keep_trying(self) -> None:

@@ -2,9 +2,9 @@
 
     python bench/simulated_modules.py [--modules 20] [--seconds 10]
 
-Each module runs three axes at a constant velocity (pv) with a statusword TPDO and a position and velocity TPDO per
-axis every 10 ms, on one in-memory wire without a bit rate, so nothing but the modules and the wire is measured.
-100 % is one core.
+Each module turns three axes at a constant velocity (pv) and sends a statusword TPDO and a position and velocity
+TPDO per axis every 10 ms, on one in-memory wire without a bit rate: nothing but the modules and the wire is
+measured. 100 % is one core.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Depends, Path
 from app.deps import NodeDep, ServiceDep, command_headers, parse_index
 from app.documentation import KEYS, NODE, TRANSFER, UNSAFE, problems
 from app.problems import ApiError
-from app.schemas.nodes import ObjectBody, ObjectReply
+from app.schemas.nodes import MeaningReply, ObjectBody, ObjectReply
 from drivers.master.node import Node, ObjectSpec
 
 router = APIRouter(prefix="/nodes/{node}/objects", tags=["objects"])
@@ -75,4 +75,13 @@ def _reply(node: Node, spec: ObjectSpec, value: float | str | bool) -> ObjectRep
         access=spec.access.value,
         unit=spec.unit,
         value=value,
+        meanings=_meanings(node, spec, value),
     )
+
+
+def _meanings(node: Node, spec: ObjectSpec, value: float | str | bool) -> list[MeaningReply]:
+    if not isinstance(value, int):
+        return []
+    code = node.profile.explain_code(spec.address, value)
+    rows = (*node.profile.explain_bits(spec.address, value), *(() if code is None else (code,)))
+    return [MeaningReply(name=r.name, title=r.title, cause=r.cause, remedy=r.remedy) for r in rows]

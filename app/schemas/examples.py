@@ -121,6 +121,7 @@ OBJECT: Example = {
     "access": "ro",
     "unit": "steps",
     "value": 51200,
+    "meanings": [],
 }
 OBJECT_WRITE: Example = {"value": 51200, "confirm": False}
 BUS: Example = {

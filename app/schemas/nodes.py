@@ -89,6 +89,15 @@ class EmergencyList(Reply):
     emergencies: list[EmergencyReply]
 
 
+class MeaningReply(Reply):
+    """What a set bit, or the value, says."""
+
+    name: str
+    title: str
+    cause: str
+    remedy: str
+
+
 class ObjectReply(Reply):
     """The value of one object; bytes are shown in hexadecimal."""
 
@@ -102,6 +111,9 @@ class ObjectReply(Reply):
     access: str
     unit: str
     value: int | float | str | bool
+    meanings: list[MeaningReply] = Field(
+        description="For flags: each bit that is set. For option codes: the value."
+    )
 
 
 class ObjectBody(Request):

@@ -38,6 +38,20 @@ class AxisCommand(enum.StrEnum):
 _AWAY = frozenset({"bus_down", "node_away", "heartbeat_stale"})
 
 
+_UNREACHED = "Check the node's supply and cable; it is taken in by itself as soon as it answers."
+_BEING_TAKEN_IN = "Wait a moment: it becomes operational by itself."
+_REMEDIES = {
+    NodeState.ABSENT: _UNREACHED,
+    NodeState.LOST: _UNREACHED,
+    NodeState.BOOTED: _BEING_TAKEN_IN,
+    NodeState.IDENTIFIED: _BEING_TAKEN_IN,
+    NodeState.CONFIGURED: _BEING_TAKEN_IN,
+    NodeState.REFUSED: "Correct the configuration, or connect the configured module.",
+    NodeState.DUPLICATE: "Give every node on the bus an ID of its own, then reset the node.",
+}
+"""What to do about a node that is not operational."""
+
+
 def obstacles(
     axis: Axis, command: AxisCommand, *, absolute: bool = True, method: int | None = None
 ) -> tuple[Obstacle, ...]:
@@ -96,7 +110,7 @@ def _reach(axis: Axis) -> Iterator[Obstacle]:
         yield Obstacle(
             "node_away",
             f"Node {node.name} is {node.state}{': ' + node.reason if node.reason else '.'}",
-            "Check the node's supply and cable; it is taken in by itself as soon as it answers.",
+            _REMEDIES[node.state],
         )
     elif node.heartbeat_stale:
         yield Obstacle(
@@ -126,7 +140,8 @@ def _permission(axis: Axis) -> Iterator[Obstacle]:
             "Our heartbeat pauses for a check of the fail-safe; the modules are about to stop their motors.",
             "Wait until the check has ended.",
         )
-    if axis.node.failsafe is Failsafe.OFF and not axis.backbone.config.allow_unverified_failsafe:
+    known = axis.node.state is NodeState.OPERATIONAL  # before that it was not yet asked to take 1029h
+    if known and axis.node.failsafe is Failsafe.OFF and not axis.backbone.config.allow_unverified_failsafe:
         yield Obstacle(
             "failsafe_off",
             "The module would not take 1029h:1, so nothing stops its motors should this service die.",

@@ -29,7 +29,10 @@ class MoveRequest:
 
     def __post_init__(self) -> None:
         if not INT32_MIN <= self.target <= INT32_MAX:
-            raise BadValue(f"The target {self.target} doesn't fit 32 bits.", hint="Give a nearer target.")
+            raise BadValue(
+                f"A target of {self.target} steps is beyond {INT32_MIN}..{INT32_MAX}.",
+                hint=f"Give a target from {INT32_MIN} to {INT32_MAX} steps (607Ah has 32 bits).",
+            )
         _check_rate("velocity", self.velocity)
         _check_rate("acceleration", self.acceleration)
         _check_rate("deceleration", self.deceleration)

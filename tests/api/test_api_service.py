@@ -123,6 +123,17 @@ async def test_objects_are_read_with_name_and_type(bench: Bench) -> None:
     assert response.json()["type"] == "U32"
     name = (await bench.get("/nodes/1/objects/0x1008/0")).json()
     assert name["value"] == "TMCM-3216"
+    assert name["meanings"] == []
+
+
+async def test_flags_and_option_codes_are_read_with_their_meanings(bench: Bench) -> None:
+    option = (await bench.get("/nodes/1/objects/0x705A/0")).json()
+    assert option["value"] == 2
+    assert [meaning["name"] for meaning in option["meanings"]] == ["quick_ramp_and_disable"]
+    bench.module.apply(lambda module, now: module.axes[1].open_load("a", now))
+    flags = (await bench.get("/nodes/1/objects/0x2302/0")).json()
+    assert [meaning["name"] for meaning in flags["meanings"]] == ["open_load_a"]
+    assert flags["meanings"][0]["remedy"]
 
 
 BAD_ADDRESSES = [
