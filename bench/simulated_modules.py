@@ -2,8 +2,8 @@
 
     python bench/simulated_modules.py [--modules 20] [--seconds 10]
 
-Each module turns three axes at a constant velocity (pv) and sends a statusword TPDO and a position and velocity
-TPDO per axis every 10 ms, on one in-memory wire without a bit rate: nothing but the modules and the wire is
+Each module turns three axes at a constant velocity (pv) and sends two TPDOs per axis every 10 ms (statusword;
+position and velocity), on one in-memory wire without a bit rate: nothing but the modules and the wire is
 measured. 100 % is one core.
 """
 
