@@ -42,7 +42,7 @@ class NodeSupervisor:
         self._node = node
         backbone = node.backbone
         self._timing = backbone.timing
-        period = backbone.config.node_heartbeat_ms / 1000
+        period = self._heartbeat_period = backbone.config.node_heartbeat_ms / 1000
         grace = self._timing.loop_grace
         self._stale = Watchdog(period * self._timing.heartbeat_stale, grace, self._on_stale)
         self._lost = Watchdog(period * self._timing.heartbeat_lost, grace, self._on_lost)
@@ -279,18 +279,19 @@ class NodeSupervisor:
     async def _change_nmt(self, command: NmtCommand, state: NmtState) -> None:
         """Command and wait for a heartbeat that says so; the command is a level and may be repeated."""
         node = self._node
+        each = self._heartbeat_period + self._timing.nmt_change / 2
         try:
-            async with asyncio.timeout(self._timing.nmt_change):
+            async with asyncio.timeout(2 * each):
                 while True:
                     node.nmt_state = None  # only a heartbeat from now on counts
                     node.command_nmt(command)
                     with contextlib.suppress(TimeoutError):
-                        async with asyncio.timeout(self._timing.nmt_change / 2):
+                        async with asyncio.timeout(each):
                             await self._follows(state)
                             return
         except TimeoutError:
             raise NodeAway(
-                f"Node {node.name} did not go to NMT {state.name} within {self._timing.nmt_change} s.",
+                f"Node {node.name} did not go to NMT {state.name} within {2 * each:g} s.",
                 hint="Check that no second master commands it; it is tried again later.",
                 node=node.node_id,
             ) from None

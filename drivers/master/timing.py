@@ -24,7 +24,7 @@ class Timing:
     refused_retry: float = 30.0
     """Pause before a node that was refused is identified anew (it is at once after a boot-up)."""
     nmt_change: float = 1.0
-    """How long a node may take to say in its heartbeat that it follows an NMT command."""
+    """How long a node may take to follow an NMT command, beyond the two heartbeats that may say so."""
 
     heartbeat_stale: float = 1.5
     """In periods of the node's heartbeat: silence after which motion is refused and a stop is tried."""

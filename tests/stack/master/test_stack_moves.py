@@ -7,11 +7,16 @@ import asyncio
 import pytest
 from stack_kit import stack_of, until
 
+from drivers.bus.memory import MemoryWire
 from drivers.cia301.nmt import NmtState
 from drivers.cia402.modes import Mode
 from drivers.cia402.power import PowerState
+from drivers.devices.catalog import Catalog
 from drivers.errors import AxisBusy, BadValue, NotReady, StopLatched, UnknownAxis, UnknownNode
 from drivers.master import AxisCommand, AxisConfig, HomeRequest, MotionState, MoveRequest, VelocityRequest
+from drivers.master.config import NetworkConfig, NodeConfig
+from drivers.master.network import Network
+from drivers.sim.runner import simulated_node
 
 pytestmark = pytest.mark.looptime
 
@@ -279,3 +284,14 @@ async def test_a_stop_ends_an_enable_that_is_under_way(stack) -> None:
     await axis.stop()
     with pytest.raises(NotReady, match="ended by a stop"):
         await caller
+
+
+async def test_a_heartbeat_of_four_seconds_is_waited_for() -> None:
+    wire, catalog = MemoryWire(), Catalog.load()
+    config = NetworkConfig(nodes=(NodeConfig(1, "slow"),), node_heartbeat_ms=4000)
+    async with (
+        simulated_node(wire, catalog.profile("TMCM-3216")),
+        Network(wire.port("master"), config, catalog) as network,
+    ):
+        await until(lambda: network.ready, 20)
+        await network.node(1).axes[0].enable()
