@@ -133,11 +133,11 @@ class NetworkConfig:
     nodes: tuple[NodeConfig, ...] = field(default=())
     master_node_id: int = 127
     """The ID under which the master's heartbeat goes out; no node may have it."""
-    heartbeat_ms: int = 150
+    heartbeat_ms: int = 100
     """Period of the master's heartbeat; at most a third of `consumer_ms`."""
     consumer_ms: int = 500
     """1016h:1: how long a module waits for the master's heartbeat before it stops its motors."""
-    node_heartbeat_ms: int = 200
+    node_heartbeat_ms: int = 500
     """1017h: period of each node's heartbeat."""
     allow_unverified_failsafe: bool = False
     """Let axes be enabled on a node whose 1029h could not be set, so that nothing stops it when we die."""

@@ -39,7 +39,7 @@ class Timing:
     """Inhibit time of TPDO 1 (statusword, mode, inputs)."""
     position_inhibit: float = 0.01
     """Inhibit time of TPDO 2 (position, velocity)."""
-    status_stale: float = 2.5
+    status_stale: float = 5.0
     """In event timers: silence of a status TPDO after which the status is stale."""
 
     flight: float = 0.005

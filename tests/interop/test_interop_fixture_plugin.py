@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import queue
 import threading
 from collections.abc import Iterator
 from importlib.resources import files
@@ -59,9 +60,11 @@ def test_what_the_panel_does_canopen_sees(
 ) -> None:
     node = remote(network, 1)
     panel = simulated_port.panel(1)
+    received: queue.Queue[canopen.emcy.EmcyError] = queue.Queue()
+    node.emcy.add_callback(received.put)  # `wait` would miss what came before it was called
     panel.perform("set_temperature", axis=2, celsius=130)
-    emergency = node.emcy.wait(0x4310, timeout=5)
-    assert emergency is not None
+    emergency = received.get(timeout=5)
+    assert emergency.code == 0x4310
     assert emergency.data[1] == 2
     panel.perform("press_switch", axis=1, switch="negative")
     assert node.sdo[0x68FD].raw & 1
