@@ -97,7 +97,7 @@ def simulator_and_service(directory: Path) -> Iterator[tuple[int, Canaxis, httpx
     """`canaxis simulate` and `canaxis serve` on it: the simulator's port, the service, and a client of it.
 
     A machine that is short of time must not look like a lost module here: what that gives is tested on a
-    virtual clock. So both sides wait long for each other's heartbeat, unless the directory has other settings.
+    virtual clock. So both sides wait long for each other's heartbeat, unless the directory has settings.
     """
     settings = directory / "canaxis.yaml"
     if not settings.exists():
