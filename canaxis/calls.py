@@ -1,0 +1,227 @@
+"""Every call of the service that the client knows: paths, bodies and the kinds of the answers.
+
+`Client` and `AsyncClient` make the same calls from here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, TypedDict
+from urllib.parse import quote
+
+from canaxis.errors import BadValue
+from canaxis.exchange import Call, Request, asking, command, look, stop
+from canaxis.replies import (
+    AxisStatus,
+    AxisStatuses,
+    BusStatus,
+    Emergencies,
+    NodeStatus,
+    NodeStatuses,
+    ObjectValue,
+    OperationStatus,
+    OperationStatuses,
+    Readiness,
+    Ready,
+    StopReport,
+    StopState,
+)
+
+ROOT = "/api/v1"
+
+
+class Keyed(TypedDict, total=False):
+    """What every command that takes time may be given."""
+
+    key: str
+    """An Idempotency-Key of your own: sent again with it, even by another run, it is carried out once."""
+
+
+class MoveOptions(Keyed, total=False):
+    """What a move may be given besides target and unit; what is left out comes from the axis's settings."""
+
+    relative: bool
+    """Whether the target is a distance from here."""
+    velocity: float
+    """unit/s"""
+    acceleration: float
+    """unit/s2"""
+    deceleration: float
+    """unit/s2"""
+
+
+class VelocityOptions(Keyed, total=False):
+    """What running at a speed may be given besides speed and unit."""
+
+    acceleration: float
+    """unit/s2, up and down"""
+
+
+class HomeOptions(Keyed, total=False):
+    """What homing may be given; what is left out comes from the axis's settings."""
+
+    method: int
+    """Homing method (6098h)."""
+    unit: str
+    """Of the speeds and the acceleration; needed with any of them."""
+    fast: float
+    """Speed while seeking the switch, unit/s"""
+    slow: float
+    """Speed while seeking the edge, unit/s"""
+    acceleration: float
+    """unit/s2"""
+    timeout_s: float
+    """Seconds it may take."""
+
+
+def _name(reference: int | str) -> str:
+    text = str(reference)
+    if text.strip(".") == "":
+        raise BadValue(f"{text!r} is no name of a node, an axis or an operation.", hint="Look at nodes().")
+    return quote(text, safe="")
+
+
+def _started(path: str, options: Mapping[str, Any]) -> Call[OperationStatus]:
+    body = {name: value for name, value in options.items() if name != "key" and value is not None}
+    return asking(command(path, body, key=options.get("key")), OperationStatus)
+
+
+class AxisCalls:
+    """The calls of one axis."""
+
+    def __init__(self, node: int | str, axis: int | str) -> None:
+        self.path = f"{ROOT}/nodes/{_name(node)}/axes/{_name(axis)}"
+
+    def status(self) -> Call[AxisStatus]:
+        """GET."""
+        return asking(look(self.path), AxisStatus)
+
+    def readiness(self) -> Call[Readiness]:
+        """GET readiness."""
+        return asking(look(f"{self.path}/readiness"), Readiness)
+
+    def enable(self) -> Call[AxisStatus]:
+        """POST enable."""
+        return self._state("enable")
+
+    def disable(self) -> Call[AxisStatus]:
+        """POST disable."""
+        return self._state("disable")
+
+    def reset_fault(self) -> Call[AxisStatus]:
+        """POST reset-fault."""
+        return self._state("reset-fault")
+
+    def stop(self) -> Call[AxisStatus]:
+        """POST stop."""
+        return asking(stop(f"{self.path}/stop"), AxisStatus)
+
+    def quick_stop(self) -> Call[AxisStatus]:
+        """POST quick-stop."""
+        return asking(stop(f"{self.path}/quick-stop"), AxisStatus)
+
+    def move(self, target: float, unit: str, options: MoveOptions) -> Call[OperationStatus]:
+        """POST move."""
+        return _started(f"{self.path}/move", {"target": target, "unit": unit, **options})
+
+    def velocity(self, velocity: float, unit: str, options: VelocityOptions) -> Call[OperationStatus]:
+        """POST velocity."""
+        return _started(f"{self.path}/velocity", {"velocity": velocity, "unit": unit, **options})
+
+    def home(self, options: HomeOptions) -> Call[OperationStatus]:
+        """POST home."""
+        return _started(f"{self.path}/home", options)
+
+    def _state(self, verb: str) -> Call[AxisStatus]:
+        return asking(command(f"{self.path}/{verb}"), AxisStatus)
+
+
+class NodeCalls:
+    """The calls of one node."""
+
+    def __init__(self, node: int | str) -> None:
+        self.path = f"{ROOT}/nodes/{_name(node)}"
+
+    def status(self) -> Call[NodeStatus]:
+        """GET."""
+        return asking(look(self.path), NodeStatus)
+
+    def axes(self) -> Call[AxisStatuses]:
+        """GET axes."""
+        return asking(look(f"{self.path}/axes"), AxisStatuses)
+
+    def emergencies(self) -> Call[Emergencies]:
+        """GET emergencies."""
+        return asking(look(f"{self.path}/emergencies"), Emergencies)
+
+    def boot(self) -> Call[NodeStatus]:
+        """POST boot."""
+        return asking(command(f"{self.path}/boot"), NodeStatus)
+
+    def verify_failsafe(self) -> Call[NodeStatus]:
+        """POST verify-failsafe."""
+        return asking(command(f"{self.path}/verify-failsafe"), NodeStatus)
+
+    def read(self, index: int, sub: int) -> Call[ObjectValue]:
+        """GET objects."""
+        return asking(look(self._object(index, sub)), ObjectValue)
+
+    def write(self, index: int, sub: int, value: float | str | bool, *, confirm: bool) -> Call[ObjectValue]:
+        """PUT objects."""
+        body = {"value": value, "confirm": confirm}
+        return asking(command(self._object(index, sub), body, method="PUT"), ObjectValue)
+
+    def _object(self, index: int, sub: int) -> str:
+        return f"{self.path}/objects/0x{index:04X}/{sub}"
+
+
+class OperationCalls:
+    """The calls of one operation."""
+
+    def __init__(self, operation: str) -> None:
+        self.path = f"{ROOT}/operations/{_name(operation)}"
+
+    def status(self, wait: float = 0.0) -> Call[OperationStatus]:
+        """GET; the answer comes when it ended, at the latest after `wait` seconds."""
+        query = {"wait": round(wait, 3)} if wait > 0 else {}
+        return asking(Request("GET", self.path, query=query, waits=wait, safe=True), OperationStatus)
+
+    def cancel(self) -> Call[OperationStatus]:
+        """POST cancel."""
+        return asking(command(f"{self.path}/cancel"), OperationStatus)
+
+
+def nodes() -> Call[NodeStatuses]:
+    """GET nodes."""
+    return asking(look(f"{ROOT}/nodes"), NodeStatuses)
+
+
+def operations(limit: int, state: str | None, before: str | None) -> Call[OperationStatuses]:
+    """GET operations."""
+    query = {"limit": limit, "state": state, "before": before}
+    return asking(look(f"{ROOT}/operations", query), OperationStatuses)
+
+
+def stop_all(reason: str) -> Call[StopReport]:
+    """POST stop."""
+    return asking(stop(f"{ROOT}/stop", {"reason": reason}), StopReport)
+
+
+def stop_state() -> Call[StopState]:
+    """GET stop."""
+    return asking(look(f"{ROOT}/stop"), StopState)
+
+
+def reset_stop() -> Call[StopState]:
+    """POST stop/reset."""
+    return asking(command(f"{ROOT}/stop/reset"), StopState)
+
+
+def bus() -> Call[BusStatus]:
+    """GET bus."""
+    return asking(look(f"{ROOT}/bus"), BusStatus)
+
+
+def ready() -> Call[Ready]:
+    """GET readyz: not ready is an answer too."""
+    return asking(Request("GET", "/readyz", safe=True, accepts=frozenset({503})), Ready)

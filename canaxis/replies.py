@@ -1,0 +1,362 @@
+"""What the service answers, as frozen dataclasses; the fields are the contract's (openapi/openapi.json)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from canaxis.errors import Obstacle
+
+ENDED = frozenset({"succeeded", "failed", "cancelled"})
+"""States that an operation doesn't leave any more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A length or a speed: in microsteps (per second), and in the axis's unit."""
+
+    steps: int
+    value: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """The limit switches; True: pressed."""
+
+    negative: bool
+    positive: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ActiveEmergency:
+    """An emergency that is still active."""
+
+    id: int
+    code: str
+    title: str
+    cause: str
+    remedy: str
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """How an axis was found that nobody has enabled since the service started."""
+
+    reason: str
+    state: str | None
+    mode: str
+    moving: bool
+    position: Quantity | None
+    velocity: Quantity | None
+
+
+@dataclass(frozen=True, slots=True)
+class AxisStatus:
+    """What an axis does, from the last process data that its module sent."""
+
+    node: int
+    axis: int
+    name: str
+    state: str | None
+    """CiA 402's state, such as `operation_enabled`; None while nothing is known."""
+    mode: str
+    statusword: str
+    position: Quantity | None
+    velocity: Quantity | None
+    target_reached: bool
+    moving: bool
+    referenced: bool
+    reference: str
+    adopted: bool
+    found: Found | None
+    limits: Limits
+    home_switch: bool
+    emergencies: tuple[ActiveEmergency, ...]
+    operation: str | None
+    """ID of the operation that holds the axis."""
+    age_s: float | None
+    stale: bool
+    """Whether this is too old to rely on."""
+
+
+@dataclass(frozen=True, slots=True)
+class AxisStatuses:
+    """All axes of a node."""
+
+    axes: tuple[AxisStatus, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Readiness:
+    """What prevents each command now, each obstacle with its remedy."""
+
+    ready: bool
+    """Whether a move would be accepted now."""
+    enable: tuple[Obstacle, ...]
+    move: tuple[Obstacle, ...]
+    velocity: tuple[Obstacle, ...]
+    home: tuple[Obstacle, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class OperationAxis:
+    """An axis that takes part in an operation."""
+
+    node: int
+    axis: int
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class AxisTrack:
+    """Where an axis was, was sent and is; None where it is not known."""
+
+    node: int
+    axis: int
+    start: Quantity | None
+    target: Quantity | None
+    end: Quantity | None
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """A statusword that differed from the one before."""
+
+    node: int
+    axis: int
+    after_s: float
+    """Seconds since the operation was begun."""
+    statusword: str
+    position: Quantity | None
+
+
+@dataclass(frozen=True, slots=True)
+class SeenEmergency:
+    """An emergency that came while the operation ran."""
+
+    node: int
+    axis: int | None
+    time: datetime
+    code: str
+    title: str
+
+
+@dataclass(frozen=True, slots=True)
+class FoundAxis:
+    """An axis as it was found after the service had started again."""
+
+    node: int
+    axis: int
+    time: datetime
+    state: str | None
+    moving: bool
+    position: Quantity | None
+    velocity: Quantity | None
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What was seen of the axes while the operation ran."""
+
+    axes: tuple[AxisTrack, ...]
+    statuswords: tuple[Sight, ...]
+    left_out: int
+    emergencies: tuple[SeenEmergency, ...]
+    found: tuple[FoundAxis, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Asker:
+    """Who asked for an operation."""
+
+    name: str
+    address: str
+
+
+@dataclass(frozen=True, slots=True)
+class OperationStatus:
+    """A command that takes time: what was asked, how far it is, how it ended."""
+
+    id: str
+    kind: str
+    axes: tuple[OperationAxis, ...]
+    state: str
+    """queued, running, succeeded, failed or cancelled."""
+    progress: float | None
+    """0 to 1, where it can be told."""
+    request: Mapping[str, Any]
+    result: Mapping[str, Any] | None
+    error: Mapping[str, Any] | None
+    """The problem why it failed."""
+    reason: str | None
+    asked_by: Asker
+    evidence: Evidence
+    created: datetime
+    started: datetime | None
+    ended: datetime | None
+
+    @property
+    def done(self) -> bool:
+        """Whether it ended, in whatever way."""
+        return self.state in ENDED
+
+
+@dataclass(frozen=True, slots=True)
+class OperationStatuses:
+    """Operations, the newest first."""
+
+    operations: tuple[OperationStatus, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """What the module says it is (1000h, 1018h)."""
+
+    device_type: str
+    vendor_id: str
+    product_code: str
+    revision: int | None
+    serial: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class AxisName:
+    """An axis of a node, by number and name."""
+
+    axis: int
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class NodeStatus:
+    """One module. `boot` has every step of its last boot-up, `counters` what passed between us."""
+
+    node: int
+    name: str
+    model: str
+    state: str
+    reason: str
+    """Why it is in this state; empty when all is well."""
+    nmt_state: str | None
+    identity: Identity | None
+    device_name: str
+    hardware_version: str
+    software_version: str
+    serial: int | None
+    failsafe: str
+    heartbeat_age_s: float | None
+    axes: tuple[AxisName, ...]
+    boot: Mapping[str, Any]
+    counters: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class NodeStatuses:
+    """All configured nodes."""
+
+    nodes: tuple[NodeStatus, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Emergency:
+    """One emergency that a node reported, with its meaning."""
+
+    id: int
+    time: datetime
+    node: int
+    axis: int | None
+    code: str
+    register: str
+    data: str
+    title: str
+    cause: str
+    remedy: str
+    severity: str
+    active: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Emergencies:
+    """A node's emergencies, the newest first."""
+
+    emergencies: tuple[Emergency, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """What a set bit, or the value, of an object says."""
+
+    name: str
+    title: str
+    cause: str
+    remedy: str
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectValue:
+    """The value of one object; bytes are shown in hexadecimal."""
+
+    node: int
+    index: str
+    sub: int
+    name: str
+    type: str
+    access: str
+    unit: str
+    value: Any
+    """A number, a text, or a truth value."""
+    meanings: tuple[Meaning, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class StopState:
+    """Whether motion is refused because everything was stopped."""
+
+    latched: bool
+    reason: str | None
+    time: datetime | None
+
+
+@dataclass(frozen=True, slots=True)
+class AxisStop:
+    """What became of one axis when everything was stopped."""
+
+    node: int
+    axis: int
+    outcome: str
+    """stopped, unreachable or failed"""
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class StopReport:
+    """What a stop for everything found."""
+
+    reason: str | None
+    complete: bool
+    """Whether every axis was seen to stand."""
+    axes: tuple[AxisStop, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class BusStatus:
+    """The wire, and what passed over it."""
+
+    name: str
+    state: str
+    reason: str
+    warnings: tuple[str, ...]
+    counters: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Ready:
+    """Whether everything that is configured can be commanded, and what is missing."""
+
+    ready: bool
+    reasons: tuple[str, ...]
+    warnings: tuple[str, ...]
