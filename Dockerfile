@@ -6,7 +6,11 @@ RUN pip install --no-cache-dir --require-hashes -r requirements.lock
 COPY pyproject.toml README.md LICENSE ./
 COPY app ./app
 COPY drivers ./drivers
-RUN pip install --no-cache-dir --no-deps --no-build-isolation . && useradd --system --no-create-home canaxis
+COPY canaxis ./canaxis
+RUN pip install --no-cache-dir --no-deps --no-build-isolation . \
+    && useradd --system --no-create-home canaxis && install -d -o canaxis /var/lib/canaxis
+ENV CANAXIS_STORE__FILE=/var/lib/canaxis/canaxis.db
+VOLUME /var/lib/canaxis
 USER canaxis
 ENTRYPOINT ["canaxis"]
 CMD ["serve"]

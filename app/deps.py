@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import asyncio
 import re
+from dataclasses import dataclass
 from typing import Annotated
 
 from fastapi import Depends, Header, Path, Query, Request
 
 from app.problems import ApiError
 from app.schemas.common import NoBody
+from app.schemas.operations import Asker
 from app.service import Service
+from app.tokens import Principal
 from drivers.master.axis import Axis
-from drivers.master.motion import Motion
+from drivers.master.motion import Undertaking
 from drivers.master.node import Node
 
 LONGEST_WAIT = 600.0
+LONGEST_REFERENCE = 64
+"""Characters of what a path calls a node or an axis."""
 _PREFER_WAIT = re.compile(r'(?:^|[,;])\s*wait\s*=\s*"?(\d{1,9})"?\s*(?=$|[,;])', re.IGNORECASE)
 
 
@@ -28,15 +33,29 @@ async def get_service(request: Request) -> Service:
 ServiceDep = Annotated[Service, Depends(get_service)]
 
 NodeRef = Annotated[
-    str, Path(description="Node ID, or the node's name.", max_length=64, examples=["1"], min_length=1)
+    str,
+    Path(
+        description="Node ID, or the node's name.", max_length=LONGEST_REFERENCE, examples=["1"], min_length=1
+    ),
 ]
 AxisRef = Annotated[
-    str, Path(description="Axis number, or the axis's name.", max_length=64, examples=["0"], min_length=1)
+    str,
+    Path(
+        description="Axis number, or the axis's name.",
+        max_length=LONGEST_REFERENCE,
+        examples=["0"],
+        min_length=1,
+    ),
 ]
 
 
 def _reference(text: str) -> int | str:
     return int(text) if text.isascii() and text.isdecimal() else text
+
+
+def find_axis(service: Service, node: str, axis: str) -> Axis:
+    """The axis that a path names. Raises `UnknownNode`, `UnknownAxis`."""
+    return service.network.node(_reference(node)).axis(_reference(axis))
 
 
 async def get_node(request: Request, node: NodeRef) -> Node:
@@ -49,11 +68,9 @@ NodeDep = Annotated[Node, Depends(get_node)]
 
 
 async def get_axis(request: Request, node: NodeRef, axis: AxisRef) -> Axis:
-    """The axis that the path names. Raises `UnknownNode`, `UnknownAxis`.
-
-    It depends on no other dependency: each level costs a hot path more than the look-up itself.
-    """
-    return (await get_node(request, node)).axis(_reference(axis))
+    """The axis that the path names. Raises `UnknownNode`, `UnknownAxis`."""
+    service: Service = request.state.service
+    return find_axis(service, node, axis)
 
 
 AxisDep = Annotated[Axis, Depends(get_axis)]
@@ -68,7 +85,7 @@ class Wait:
         """Whether it came from the Prefer header, which wants to hear that it was applied."""
         self._request = request
 
-    async def until_end(self, motion: Motion) -> bool:
+    async def until_end(self, motion: Undertaking) -> bool:
         """Wait for a motion, as long as the client wants and is there; True if it ended.
 
         The motion goes on without the client, but its Idempotency-Key must not stay in flight.
@@ -127,6 +144,30 @@ IdempotencyKey = Annotated[
         ),
     ),
 ]
+
+
+@dataclass(frozen=True, slots=True)
+class CommandSource:
+    """Who sent a command, and under which key."""
+
+    name: str
+    address: str
+    idempotency_key: str | None
+
+    @property
+    def reply(self) -> Asker:
+        """As an operation shows it."""
+        return Asker(name=self.name, address=self.address)
+
+
+async def get_asker(request: Request, idempotency_key: IdempotencyKey = None) -> CommandSource:
+    """Who asks, as far as the security middleware knows."""
+    principal: Principal = request.state.principal
+    address = "" if request.client is None else request.client.host
+    return CommandSource(principal.name, address, idempotency_key)
+
+
+AskerDep = Annotated[CommandSource, Depends(get_asker)]
 
 
 async def command_headers(idempotency_key: IdempotencyKey = None) -> None:

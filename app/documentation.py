@@ -11,9 +11,13 @@ from fastapi.openapi.utils import get_openapi
 from fastapi.routing import APIRoute
 
 from app.problems import MEDIA_TYPE, PROBLEM_TYPES, problem
+from app.roles import is_stop, role_for
 from app.schemas.common import Problem
 
 Responses = dict[int | str, dict[str, Any]]
+
+TICKET = "ticket"
+"""The name of the security scheme of streams."""
 
 DESCRIPTION = """\
 Moves stepper axes on a CANopen bus. A moving command answers at once with an operation; ask for the
@@ -36,15 +40,23 @@ TAGS = [
     {"name": "events", "description": "Changes as they happen."},
 ]
 
-ALWAYS = ("unauthorized", "forbidden_origin", "misdirected", "bad_request", "internal_error")
-UNSAFE = ("body_too_large", "json_required")
+ALWAYS = (
+    *("token_in_url", "unauthorized", "forbidden_origin", "misdirected"),
+    *("bad_request", "too_many_requests", "internal_error"),
+)
+UNSAFE = ("forbidden_role", "request_timeout", "body_too_large", "json_required")
 NODE = ("unknown_node",)
 AXIS = (*NODE, "unknown_axis")
 REACH = ("node_away", "bus_down", "bus_overflow", "shutting_down", "wrong_identity")
-TRANSFER = ("sdo_aborted", "sdo_protocol", "sdo_timeout", "configuration_refused", *REACH)
+TRANSFER = (
+    *("sdo_aborted", "sdo_protocol", "sdo_timeout", "sdo_queue_timeout", "sdo_queue_full"),
+    *("configuration_refused", *REACH),
+)
 KEYS = ("key_in_flight", "key_reused")
 STATE = ("not_ready", "axis_busy", "stop_latched", "axis_fault")
 UNFINISHED = ("transition_timeout", "motion_failed", "motion_timeout")
+NODE_REFUSALS = ("not_ready", "bad_value", "duplicate_node", "transition_timeout")
+NODE_COMMAND = (*NODE, *UNSAFE, *KEYS, *TRANSFER, *NODE_REFUSALS)
 AXIS_COMMAND = (*AXIS, *UNSAFE, *KEYS, *TRANSFER, *STATE, *UNFINISHED)
 MOVING = (*AXIS_COMMAND, "bad_value")
 
@@ -71,6 +83,15 @@ def _response(codes: list[str]) -> dict[str, Any]:
 
 def _example(code: str) -> dict[str, Any]:
     return problem(code, PROBLEM_TYPES[code].title + ".", instance="/api/v1/nodes/1/axes/0/move").body
+
+
+def operation_links() -> dict[str, Any]:
+    """Where a client goes from a reply that holds an operation; schemathesis goes there too."""
+    by_id = {"parameters": {"id": "$response.body#/id"}}
+    return {
+        "operation": {"operationId": "get_operation", "description": "How far it is.", **by_id},
+        "cancel": {"operationId": "cancel_operation", "description": "End it.", **by_id},
+    }
 
 
 def operation_id(route: APIRoute) -> str:
@@ -100,15 +121,31 @@ def build_openapi(app: FastAPI) -> dict[str, Any]:
         "token": {
             "type": "http",
             "scheme": "bearer",
-            "description": "Needed where the service is configured with a token.",
-        }
+            "description": "Needed where tokens are set; `x-role` is the least role that an operation needs.",
+        },
+        TICKET: {
+            "type": "apiKey",
+            "in": "query",
+            "name": "ticket",
+            "description": "From POST /api/v1/tickets: opens one stream, once, within 30 s.",
+        },
     }
+    _describe_access(document["paths"])
     document["security"] = [{}, {"token": []}]
     document["components"]["examples"] = {
         code: {"summary": row.title, "value": _example(code)} for code, row in sorted(PROBLEM_TYPES.items())
     }
     document["components"]["schemas"] = dict(sorted(schemas.items()))
     return document
+
+
+def _describe_access(paths: Mapping[str, Mapping[str, dict[str, Any]]]) -> None:
+    """Say of each operation which role it needs, and leave out the refusal that a stop never gets."""
+    for path, operations in paths.items():
+        for method, operation in operations.items():
+            operation["x-role"] = role_for(method.upper(), path).word
+            if is_stop(path):
+                operation["responses"].pop("429", None)
 
 
 def render(document: Mapping[str, Any]) -> str:

@@ -19,9 +19,12 @@ from app.operations import operation_path
 from app.problems import ApiError, ProblemReply
 from app.replies import problem_response
 from app.service import Service
-from drivers.errors import CanaxisError, NotReady
+from drivers.errors import CanaxisError, NotReady, SdoQueueFull
 
 log: structlog.stdlib.BoundLogger = structlog.get_logger("canaxis.http")
+
+RETRY_AFTER = "1"
+"""Seconds in which a node that answers empties a full queue."""
 
 
 def install_error_handlers(app: FastAPI) -> None:
@@ -44,7 +47,8 @@ async def _driver_error(request: Request, error: Exception) -> Response:
         running = _running_operation(request, error)
         if running is not None:
             reply.body["operation"] = running
-    return _reply(request, reply)
+    full = isinstance(error, SdoQueueFull)
+    return _reply(request, reply, {"Retry-After": RETRY_AFTER} if full else None)
 
 
 def _running_operation(request: Request, error: NotReady) -> str | None:

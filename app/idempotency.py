@@ -20,7 +20,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.problems import problem
 from app.replies import problem_response, refuse
-from app.security import SAFE_METHODS, is_stop
+from app.roles import SAFE_METHODS, is_stop
 
 HEADER = "idempotency-key"
 LONGEST_KEY = 255

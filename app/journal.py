@@ -8,7 +8,7 @@ import structlog
 
 from drivers.master.emergencies import EmergencyRecord
 from drivers.master.events import Event, Subscription
-from drivers.master.motion import Motion, MotionState
+from drivers.master.motion import MotionState, Undertaking
 from drivers.master.status import NodeState, NodeStatus
 
 KINDS = frozenset({"bus", "emergency", "motion", "node", "stop"})
@@ -30,7 +30,7 @@ async def keep_journal(events: Subscription) -> None:
             case "emergency":
                 _emergency(cast("EmergencyRecord", event.data["record"]))
             case "motion":
-                _motion(event, cast("Motion", event.data["motion"]))
+                _motion(event, cast("Undertaking", event.data["motion"]))
             case "stop" if event.data["latched"]:
                 log.warning("everything is told to stop", reason=event.data["reason"])
             case "stop":
@@ -64,7 +64,7 @@ def _emergency(record: EmergencyRecord) -> None:
         log.info(record.title, node=record.node, axis=record.axis, code=code)
 
 
-def _motion(event: Event, motion: Motion) -> None:
+def _motion(event: Event, motion: Undertaking) -> None:
     if not motion.done:
         return
     tell = log.warning if motion.state is MotionState.FAILED else log.info

@@ -11,13 +11,16 @@ from fastapi_offline import FastAPIOffline
 from starlette.middleware import Middleware
 
 from app import documentation
+from app.audit import AuditMiddleware, AuditTrail
 from app.errors import install_error_handlers
 from app.idempotency import IdempotencyMiddleware, MemoryKeys
 from app.metrics import LatencyMiddleware
-from app.routes import axes, bus, events, health, moves, nodes, objects, operations, stop
+from app.roles import API
+from app.routes import axes, bus, events, health, moves, nodes, objects, operations, stop, tickets
 from app.security import DOCS_ASSETS, Policy, SecurityMiddleware
 from app.service import LifespanState, Service
 from app.settings import BusSettings, Settings, SettingsError
+from app.tickets import Tickets
 from drivers.bus.base import Bus
 from drivers.bus.pythoncan import PythonCanBus, interfaces
 from drivers.devices.catalog import Catalog
@@ -25,17 +28,19 @@ from drivers.errors import BadValue
 from drivers.master.config import NetworkConfig
 from drivers.master.network import Network
 
-API = "/api/v1"
 ROUTERS = (  # in the order in which paths are tried: what is asked most comes first
     axes.router,
+    axes.reports,
     axes.commands,
     moves.router,
     nodes.router,
+    nodes.commands,
     operations.router,
     stop.router,
     objects.router,
     bus.router,
     events.router,
+    tickets.router,
 )
 
 
@@ -51,12 +56,15 @@ def create_app(
     network_config = settings.network_config()
     catalog = Catalog.load()
     _check_models(network_config, catalog)
+    policy = Policy.of(settings.server)
+    issued = Tickets()
+    trail = AuditTrail(settings.audit)
     wire = _wire(settings.bus) if bus is None else bus
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncGenerator[LifespanState]:
         del app
-        service = Service(settings, Network(wire, network_config, catalog))
+        service = Service(settings, Network(wire, network_config, catalog), issued, trail)
         if on_service is not None:
             on_service(service)
         await service.open()
@@ -79,7 +87,8 @@ def create_app(
         separate_input_output_schemas=False,
         middleware=[
             Middleware(LatencyMiddleware),
-            Middleware(SecurityMiddleware, policy=Policy.of(settings.server)),
+            Middleware(AuditMiddleware, trail=trail),
+            Middleware(SecurityMiddleware, policy=policy, tickets=issued),
             Middleware(IdempotencyMiddleware, keys=MemoryKeys()),
         ],
     )

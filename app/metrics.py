@@ -70,9 +70,13 @@ class ServiceCollector(Collector):
         state = GaugeMetricFamily(
             "canaxis_node_state", "1 for the state that the node is in.", labels=("node", "state")
         )
+        waiting = GaugeMetricFamily(
+            "canaxis_node_sdo_waiting", "Object transfers that wait for their turn.", labels=("node",)
+        )
         families: dict[str, CounterMetricFamily] = {}
         for node in self._service.network.nodes.values():
             status = node.status()
+            waiting.add_metric((str(node.node_id),), node.sdo.waiting)
             for each in NodeState:
                 state.add_metric((str(node.node_id), each.value), float(status.state is each))
             counters = dataclasses.asdict(status.counters)
@@ -84,7 +88,7 @@ class ServiceCollector(Collector):
                     CounterMetricFamily(f"canaxis_node_{name}", f"Node counter {name}.", labels=("node",)),
                 )
                 family.add_metric((str(node.node_id),), value)
-        yield state
+        yield from (state, waiting)
         yield from families.values()
 
     def _of_axes(self) -> Iterator[Metric]:
@@ -114,6 +118,14 @@ class ServiceCollector(Collector):
             "canaxis_event_streams_missed_events",
             "Events that slow clients lost.",
             value=service.streams.missed,
+        )
+        yield GaugeMetricFamily(
+            "canaxis_audit_up",
+            "Whether the record of commands is written.",
+            value=float(service.audit.problem is None),
+        )
+        yield CounterMetricFamily(
+            "canaxis_audit_lost", "Commands that are missing in its file.", value=service.audit.lost
         )
         latched = float(service.network.stop_latched is not None)
         yield GaugeMetricFamily("canaxis_stop_latched", "Whether a stop is latched.", value=latched)

@@ -37,6 +37,20 @@ _ROWS = (
     ("unknown_problem", 404, "No such problem type", "The types are listed in the API's documentation."),
     ("method_not_allowed", 405, "Method not allowed", "The Allow header says what this path takes."),
     ("unauthorized", 401, "Token missing or wrong", "Send the header Authorization: Bearer with the token."),
+    (
+        "token_in_url",
+        400,
+        "Token in the URL",
+        "Send Authorization: Bearer instead; for streams a ticket.",
+    ),
+    ("forbidden_role", 403, "Role not sufficient", "Use a token of that role; `canaxis token` makes one."),
+    ("request_timeout", 408, "Request too slow", "Send the request in one piece, then try again."),
+    (
+        "too_many_requests",
+        429,
+        "Too many requests",
+        "Wait as Retry-After says; see server.requests_per_second.",
+    ),
     ("forbidden_origin", 403, "Page of a foreign origin", "Add the page's origin to server.allowed_origins."),
     ("objects_read_only", 403, "Object writes are off", "Set objects.writable to true to allow raw writes."),
     ("body_too_large", 413, "Body too large", "No request to this service needs more than 64 KiB."),
@@ -57,6 +71,13 @@ _ROWS = (
     ),
     ("too_many_streams", 503, "Too many event streams", "Close a stream, or raise server.max_streams."),
     ("shutting_down", 503, "Service is shutting down", "Wait until the service runs again."),
+    ("history_off", 503, "History is off", "The store can't be read; see /readyz. Motion is not affected."),
+    (
+        "service_restarted",
+        503,
+        "Service ended meanwhile",
+        "See `evidence.found`, read the axis's status, then command it again if it is still wanted.",
+    ),
     ("internal_error", 500, "Unexpected error", "This is a fault of the service; its log says more."),
     # What the drivers say.
     ("error", 500, "Unexpected driver error", "This is a fault of the service; its log says more."),
@@ -91,10 +112,23 @@ _ROWS = (
     ("node_error", 502, "Node error", "Read the node's status."),
     ("node_away", 503, "Node away", "Check its supply and cable; it is configured as soon as it answers."),
     ("wrong_identity", 503, "Other module than configured", "Correct the node's ID or model, or the module."),
+    (
+        "duplicate_node",
+        503,
+        "Two nodes with one ID",
+        "Give one of them another ID, one at a time on the bus.",
+    ),
     ("configuration_refused", 502, "Configuration refused", "Read the node's status; it names the object."),
     ("sdo_error", 502, "Object transfer failed", "Read the object before you write it again."),
     ("sdo_aborted", 502, "Node refused the transfer", "`abort_code` and `abort_meaning` say why."),
     ("sdo_timeout", 504, "No answer from the node", "The outcome is unknown: read before you write again."),
+    ("sdo_queue_timeout", 504, "Node's queue did not move", "Nothing was sent. Read the node's status."),
+    (
+        "sdo_queue_full",
+        503,
+        "Node's queue is full",
+        "Nothing was sent. Wait as Retry-After says.",
+    ),
     ("sdo_protocol", 502, "Node broke the protocol", "Look for two nodes with one ID, or a second master."),
     ("bus_error", 503, "Bus error", "Check the interface, cable and bit rate; see GET /api/v1/bus."),
     ("bus_down", 503, "Bus is down", "Check the interface, cable and bit rate; see GET /api/v1/bus."),
@@ -159,6 +193,8 @@ def of_driver_error(error: errors.CanaxisError) -> ProblemReply:
         extra["obstacles"] = [
             {"code": o.code, "message": o.message, "remedy": o.remedy} for o in error.obstacles
         ]
+    if isinstance(error, errors.SdoError):
+        extra["outcome"] = error.outcome.value
     if isinstance(error, errors.SdoAborted):
         extra["abort_code"] = f"0x{error.abort_code:08X}"
         extra["abort_meaning"] = error.meaning

@@ -1,30 +1,40 @@
 """Who may speak to the service: a pure ASGI middleware in front of everything else.
 
-It refuses foreign Host headers (DNS rebinding), what a browser sends for a page of elsewhere, commands that
-are not declared to be JSON (so that such a page moves no motor even if the browser hides where it is from),
-requests without the token where one is set, and large bodies. CORS stays off, and no page may frame ours: a
-click in the documentation moves motors too.
+It refuses foreign Host headers (DNS rebinding), what a browser sends for a page of elsewhere, clients that
+ask too often, tokens that are missing, wrong, or not entitled to the command, commands that are not declared
+to be JSON (so that a page of elsewhere moves no motor even if the browser hides where it is from), and bodies
+that are too large or too slow. CORS stays off, and no page may frame ours: a click in the documentation moves
+motors too.
 """
 
 from __future__ import annotations
 
-import hashlib
-import hmac
+import asyncio
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
+from urllib.parse import parse_qsl
 
-from starlette.datastructures import Headers
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.problems import ProblemReply, problem
+from app.rates import RateLimit
 from app.replies import refuse
+from app.roles import API, SAFE_METHODS, WEBSOCKET, Role, is_stop, role_for
 from app.settings import ServerSettings
+from app.tickets import Tickets
+from app.tokens import LOCAL, Principal, Tokens
 
-SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 DOCS_ASSETS = "/docs/assets"
 """Where the interactive documentation's own script and style are: a lab's network may have no way out."""
 PUBLIC_PATHS = frozenset({"/livez", "/readyz", "/docs", "/openapi.json"})
 PUBLIC_FOLDERS = ("/problems/", f"{DOCS_ASSETS}/")
+STREAM_PATHS = frozenset({f"{API}/events"})
+"""What a ticket opens; any WebSocket besides."""
+TOKEN_PARAMETERS = frozenset(
+    {"token", "access_token", "auth_token", "api_key", "apikey", "bearer", "authorization"}
+)
+"""Query parameters in which someone may want to send a token: URLs end in logs and histories."""
 MAX_BODY = 64 * 1024
 GUARDS = (
     (b"x-content-type-options", b"nosniff"),
@@ -32,6 +42,23 @@ GUARDS = (
     (b"cross-origin-resource-policy", b"same-origin"),
 )
 """Headers of every reply: what a browser must not do with it."""
+POLICY_VIOLATION = 1008
+"""The close code of a WebSocket that is refused; before it is accepted, the server says 403."""
+ANYBODY = Principal("anybody", Role.READ)
+"""Whoever asks for what is public without a token."""
+HANG_UP = {"Connection": "close"}
+"""For a request whose rest is not worth waiting for."""
+_LOOKED_AT = frozenset(
+    {
+        b"host",
+        b"origin",
+        b"sec-fetch-site",
+        b"sec-fetch-mode",
+        b"authorization",
+        b"content-type",
+        b"content-length",
+    }
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,23 +69,30 @@ class Policy:
     """Values of the Host header that are ours, in lower case."""
     origins: frozenset[str]
     """Origins of pages that may send requests, in lower case."""
-    token_sha256: bytes | None
-    """Hash of the bearer token, or None where none is needed."""
+    tokens: Tokens
+    requests_per_second: float | None
+    """Of one client, stops excepted; None: as many as it likes."""
+    request_timeout: float
+    """Seconds in which a body must be here."""
 
     @classmethod
     def of(cls, server: ServerSettings) -> Policy:
-        """Loopback names with our port, the address that we listen on, and what the settings add."""
+        """Loopback names with our port, the address that we listen on, and what the settings add.
+
+        Raises `SettingsError` if the tokens can't be read.
+        """
         port = server.port
         hosts = {f"127.0.0.1:{port}", f"localhost:{port}", f"[::1]:{port}"}
         if server.host not in ("0.0.0.0", "::"):
             hosts.add(f"[{server.host}]:{port}" if ":" in server.host else f"{server.host}:{port}")
         hosts |= set(_with_port(server.allowed_hosts, port))
         own = {f"http://{host}" for host in hosts} | {f"https://{host}" for host in hosts}
-        token = server.read_token()
         return cls(
             hosts=frozenset(host.lower() for host in hosts),
             origins=frozenset(o.lower().rstrip("/") for o in own | set(server.allowed_origins)) - {"null"},
-            token_sha256=None if token is None else hashlib.sha256(token.encode()).digest(),
+            tokens=Tokens.of(server),
+            requests_per_second=server.requests_per_second,
+            request_timeout=server.request_timeout,
         )
 
 
@@ -68,11 +102,6 @@ def _with_port(hosts: Iterable[str], port: int) -> Iterable[str]:
         yield host
         if ":" not in host.rpartition("]")[2]:
             yield f"{host}:{port}"
-
-
-def is_stop(path: str) -> bool:
-    """Whether a path stops something: one axis, or everything."""
-    return path.endswith(("/stop", "/quick-stop"))
 
 
 class Refusal(Exception):
@@ -88,92 +117,170 @@ class ClientGone(Exception):
     """The client left before its request was whole: there is nothing to carry out."""
 
 
+class Head:
+    """The headers that are looked at, found in one pass: this is done for every status request."""
+
+    __slots__ = ("_values",)
+
+    def __init__(self, scope: Scope) -> None:
+        self._values: dict[bytes, list[str]] = {}
+        for name, value in scope["headers"]:
+            if name in _LOOKED_AT:
+                self._values.setdefault(name, []).append(value.decode("latin-1"))
+
+    def all(self, name: bytes) -> list[str]:
+        """Every value of a header."""
+        return self._values.get(name, [])
+
+    def first(self, name: bytes) -> str:
+        """Its first value; empty if there is none."""
+        values = self._values.get(name)
+        return values[0] if values else ""
+
+
 class SecurityMiddleware:
-    """Checks every request.
+    """Checks every request, and notes in the scope's state who sent it (`principal`).
 
     Reads the body of unsafe ones so that what follows can't be cut off by the client.
     """
 
-    def __init__(self, app: ASGIApp, policy: Policy) -> None:
+    def __init__(self, app: ASGIApp, policy: Policy, tickets: Tickets) -> None:
         self.app = app
         self.policy = policy
+        self.tickets = tickets
+        rate = policy.requests_per_second
+        self._rate = None if rate is None else RateLimit(rate)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass the request on, or answer it with a problem."""
-        if scope["type"] == "lifespan":
-            await self.app(scope, receive, send)
-        elif scope["type"] == "websocket":  # none is served yet: closed before it is accepted, whoever asks
-            await send({"type": "websocket.close", "code": 1008, "reason": ""})
+        if scope["type"] == "http":
+            await self._http(scope, receive, _guarded(send))
+        elif scope["type"] == "websocket":
+            await self._websocket(scope, receive, send)
         else:
-            await self._http(scope, receive, send)
+            await self.app(scope, receive, send)
 
     async def _http(self, scope: Scope, receive: Receive, send: Send) -> None:
-        headers = Headers(scope=scope)
-        unsafe = scope["method"] not in SAFE_METHODS
-        send = _guarded(send)
+        method: str = scope["method"]
+        head = Head(scope)
         try:
-            self._check_host(headers)
-            self._check_origin(headers)
-            self._check_token(scope["path"], headers)
-            if unsafe:
-                body = await _read_body(receive, headers)
-                _check_content_type(scope["path"], headers, body)
+            self._admit(scope, head, method)
+            if method not in SAFE_METHODS:
+                body = await self._read_body(receive, head)
+                _check_content_type(scope["path"], head, body)
                 receive = _replay(body, receive)
         except Refusal as refusal:
             await refuse(scope, receive, send, refusal.reply, refusal.headers)
             return
         except ClientGone:
             return
+        if method == "HEAD" and scope["path"] not in STREAM_PATHS:  # a GET, whose body the server leaves out
+            scope = {**scope, "method": "GET"}
         await self.app(scope, receive, send)
 
-    def _check_host(self, headers: Headers) -> None:
-        hosts = headers.getlist("host")
+    async def _websocket(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """The same checks, before the WebSocket is accepted: no browser asks for leave (CORS) to open one."""
+        try:
+            self._admit(scope, Head(scope), WEBSOCKET)
+        except Refusal as refusal:
+            reason = str(refusal.reply.body["code"])
+            await send({"type": "websocket.close", "code": POLICY_VIOLATION, "reason": reason})
+            return
+        await self.app(scope, receive, send)
+
+    def _admit(self, scope: Scope, head: Head, method: str) -> None:
+        """Raises `Refusal`. What is cheap and tells nothing comes first."""
+        self._check_host(head)
+        self._check_origin(head)
+        self._check_rate(scope)
+        principal = self._principal(scope, head, method)
+        scope.setdefault("state", {})["principal"] = principal
+        needed = role_for(method, scope["path"])
+        if principal.role < needed:
+            raise Refusal(
+                problem(
+                    "forbidden_role",
+                    f"This needs the role {needed.word}; {principal.name} has {principal.role.word}.",
+                )
+            )
+
+    def _check_host(self, head: Head) -> None:
+        hosts = head.all(b"host")
         if len(hosts) != 1 or hosts[0].lower() not in self.policy.hosts:
             shown = hosts[0][:100] if hosts else ""
             raise Refusal(problem("misdirected", f"This service doesn't answer for the host {shown!r}."))
 
-    def _check_origin(self, headers: Headers) -> None:
+    def _check_origin(self, head: Head) -> None:
         """A page of elsewhere may link to us, no more: reading costs the bus something too."""
-        origins = headers.getlist("origin")
+        origins = head.all(b"origin")
         for origin in origins:
             if origin.lower() not in self.policy.origins:
                 raise Refusal(
                     problem("forbidden_origin", f"Pages of {origin[:100]!r} may not use this service.")
                 )
-        site, mode = headers.get("sec-fetch-site"), headers.get("sec-fetch-mode")
-        if not origins and site == "cross-site" and mode != "navigate":
-            raise Refusal(problem("forbidden_origin", "Pages of other sites may not use this service."))
+        if not origins and head.first(b"sec-fetch-site") == "cross-site":
+            mode = head.first(b"sec-fetch-mode")
+            if mode != "navigate":
+                raise Refusal(problem("forbidden_origin", "Pages of other sites may not use this service."))
 
-    def _check_token(self, path: str, headers: Headers) -> None:
-        wanted = self.policy.token_sha256
-        if wanted is None or path in PUBLIC_PATHS or path.startswith(PUBLIC_FOLDERS):
+    def _check_rate(self, scope: Scope) -> None:
+        if self._rate is None or is_stop(scope["path"]):
             return
-        scheme, _, token = headers.get("authorization", "").partition(" ")
-        given = hashlib.sha256(token.strip().encode("latin-1", "replace")).digest()
-        if not hmac.compare_digest(given, wanted) or scheme.lower() != "bearer":
+        client: tuple[str, int] | None = scope.get("client")
+        delay = self._rate.delay(client[0] if client else "")
+        if delay > 0:
             raise Refusal(
-                problem("unauthorized", "The request carries no valid token."),
-                {"WWW-Authenticate": 'Bearer realm="canaxis"'},
+                problem(
+                    "too_many_requests", f"More than {self.policy.requests_per_second:g} requests a second."
+                ),
+                {"Retry-After": str(math.ceil(delay))},
             )
 
-
-def _check_content_type(path: str, headers: Headers, body: bytes) -> None:
-    if not body and is_stop(path):
-        return  # stopping is the safe direction: a bare POST will do, whatever a tool declares it to be
-    content_type = headers.get("content-type")
-    if content_type is None or content_type.partition(";")[0].strip().lower() != "application/json":
+    def _principal(self, scope: Scope, head: Head, method: str) -> Principal:
+        path: str = scope["path"]
+        ticket = None
+        if scope.get("query_string"):
+            query = dict(parse_qsl(scope["query_string"].decode("latin-1"), keep_blank_values=True))
+            if not TOKEN_PARAMETERS.isdisjoint(name.lower() for name in query):
+                raise Refusal(problem("token_in_url", "The URL carries a token, or what looks like one."))
+            if method == WEBSOCKET or path in STREAM_PATHS:
+                ticket = query.get("ticket")
+        if not self.policy.tokens:
+            return LOCAL
+        scheme, _, token = head.first(b"authorization").partition(" ")
+        if scheme.lower() == "bearer":
+            holder = self.policy.tokens.holder_of(token.strip())
+        else:
+            holder = None if ticket is None else self.tickets.redeem(ticket)
+        if holder is not None:
+            return holder
+        if method in SAFE_METHODS and (path in PUBLIC_PATHS or path.startswith(PUBLIC_FOLDERS)):
+            return ANYBODY
         raise Refusal(
-            problem(
-                "json_required", "A command needs the content type application/json, even without a body."
-            )
+            problem("unauthorized", "The request carries no valid token."),
+            {"WWW-Authenticate": 'Bearer realm="canaxis"'},
         )
 
+    async def _read_body(self, receive: Receive, head: Head) -> bytes:
+        """The whole body. Raises `Refusal` as soon as it is known to be too large (413) or too slow (408)."""
+        declared = head.first(b"content-length")
+        if declared.isascii() and declared.isdigit() and int(declared[:20]) > MAX_BODY:
+            raise _too_large()
+        try:
+            async with asyncio.timeout(self.policy.request_timeout):
+                return await _whole(receive)
+        except TimeoutError:
+            raise Refusal(
+                problem("request_timeout", f"The body was not here after {self.policy.request_timeout:g} s."),
+                HANG_UP,
+            ) from None
 
-async def _read_body(receive: Receive, headers: Headers) -> bytes:
-    """The whole body. Raises `Refusal` (413) as soon as it is known to be too large."""
-    declared = headers.get("content-length", "0")
-    if declared.isascii() and declared.isdigit() and int(declared[:20]) > MAX_BODY:
-        raise Refusal(problem("body_too_large", f"The body is larger than {MAX_BODY} bytes."))
+
+def _too_large() -> Refusal:
+    return Refusal(problem("body_too_large", f"The body is larger than {MAX_BODY} bytes."), HANG_UP)
+
+
+async def _whole(receive: Receive) -> bytes:
     chunks: list[bytes] = []
     size = 0
     while True:
@@ -183,10 +290,21 @@ async def _read_body(receive: Receive, headers: Headers) -> bytes:
         chunk: bytes = message.get("body", b"")
         size += len(chunk)
         if size > MAX_BODY:
-            raise Refusal(problem("body_too_large", f"The body is larger than {MAX_BODY} bytes."))
+            raise _too_large()
         chunks.append(chunk)
         if not message.get("more_body", False):
             return b"".join(chunks)
+
+
+def _check_content_type(path: str, head: Head, body: bytes) -> None:
+    if not body and is_stop(path):
+        return  # stopping is the safe direction: a bare POST will do, whatever a tool declares it to be
+    if head.first(b"content-type").partition(";")[0].strip().lower() != "application/json":
+        raise Refusal(
+            problem(
+                "json_required", "A command needs the content type application/json, even without a body."
+            )
+        )
 
 
 def _guarded(send: Send) -> Send:

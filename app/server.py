@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
 import signal
 import socket
@@ -11,8 +12,8 @@ from types import FrameType
 
 import uvicorn
 from fastapi import FastAPI
-from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
+from app.connections import bounded_http, look_at
 from app.main import create_app
 from app.service import Service
 from app.settings import Settings, SettingsError
@@ -21,34 +22,8 @@ Announce = Callable[[Service, str], Awaitable[None]]
 """Called once the server listens, with the service and the server's URL."""
 HERE = {"0.0.0.0": "127.0.0.1", "[::]": "[::1]"}
 """Where this machine reaches a server that listens on all addresses."""
-MAX_HEAD = 32 * 1024
-"""Bytes of request line and headers, plus what came with the first of them."""
-
-
-class BoundedHttp(HttpToolsProtocol):
-    """HTTP/1.1 with bounded heads: uvicorn and its parser take them of any length."""
-
-    _in_head = True
-    _head = 0
-
-    def on_message_begin(self) -> None:
-        """A request begins."""
-        super().on_message_begin()
-        self._in_head, self._head = True, 0
-
-    def on_headers_complete(self) -> None:
-        """The rest is body, which the application bounds."""
-        self._in_head = False
-        super().on_headers_complete()
-
-    def data_received(self, data: bytes) -> None:
-        """Count what belongs to an unfinished head; refuse and hang up when it is too much."""
-        began_in_head = self._in_head
-        super().data_received(data)
-        if began_in_head and self._in_head:
-            self._head += len(data)
-            if self._head > MAX_HEAD and not self.transport.is_closing():
-                self.send_400_response("The head of the request is too large.")
+DATE = 1.0
+"""Seconds between two updates of the Date header, and two looks at the connections."""
 
 
 class AxisServer(uvicorn.Server):
@@ -66,6 +41,8 @@ class AxisServer(uvicorn.Server):
         self._url = url
         self._announcement: asyncio.Task[None] | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
+        self._ending = asyncio.Event()
+        self._forced = asyncio.Event()
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Start, then say so."""
@@ -74,14 +51,37 @@ class AxisServer(uvicorn.Server):
         if self.started and self.service is not None:
             self._announcement = asyncio.ensure_future(self._announce(self.service, self._url))
 
+    async def main_loop(self) -> None:
+        """As uvicorn's, which wakes up ten times a second to see whether it is to end; this one is told."""
+        while not await self.on_tick(0):
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(DATE):
+                    await self._ending.wait()
+
+    async def on_tick(self, counter: int) -> bool:
+        """As uvicorn's; looks at the connections too."""
+        look_at(self.server_state.connections, asyncio.get_running_loop().time())
+        return await super().on_tick(counter)
+
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """End what was begun here, then as uvicorn does."""
+        """End what was begun here, then as uvicorn does, until a second signal comes.
+
+        uvicorn heeds that only while requests end; but it is the motors that take their time to come to rest.
+        """
         if self.service is not None:
             self.service.begin_shutdown()
         if self._announcement is not None:
             self._announcement.cancel()
             await asyncio.gather(self._announcement, return_exceptions=True)
-        await super().shutdown(sockets)
+        orderly = asyncio.ensure_future(super().shutdown(sockets))
+        forced = asyncio.ensure_future(self._forced.wait())
+        await asyncio.wait((orderly, forced), return_when=asyncio.FIRST_COMPLETED)
+        forced.cancel()
+        if not orderly.done():
+            orderly.cancel()
+        await asyncio.gather(orderly, forced, return_exceptions=True)
+        if not orderly.cancelled():
+            await orderly
 
     def attach(self, service: Service) -> None:
         """The lifespan has begun: this is whom to tell of signals, and who tells of its failure."""
@@ -91,16 +91,21 @@ class AxisServer(uvicorn.Server):
     def _on_failure(self) -> None:
         self.failed = True
         self.should_exit = True
+        self._ending.set()
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """A signal came. It is not raised again at the end: a stop that was asked for is no failure."""
         del sig, frame
         if self.should_exit:
             self.force_exit = True
+            if self._loop is not None:
+                self._loop.call_soon_threadsafe(self._forced.set)
             return
         self.should_exit = True
-        if self.service is not None and self._loop is not None:
-            self._loop.call_soon_threadsafe(self.service.begin_shutdown)
+        if self._loop is not None:
+            self._loop.call_soon_threadsafe(self._ending.set)
+            if self.service is not None:
+                self._loop.call_soon_threadsafe(self.service.begin_shutdown)
 
 
 def listen(host: str, port: int) -> socket.socket:
@@ -152,7 +157,7 @@ def _config(app: FastAPI, settings: Settings) -> uvicorn.Config:
         access_log=False,
         server_header=False,
         proxy_headers=False,
-        http=BoundedHttp,
+        http=bounded_http(settings.server),
         timeout_keep_alive=30,
         timeout_graceful_shutdown=math.ceil(settings.server.stop_timeout),
     )

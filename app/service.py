@@ -12,11 +12,15 @@ from typing import Any, TypedDict, TypeVar
 import structlog
 
 from app import journal
+from app.audit import AuditTrail
 from app.metrics import Metrics
 from app.operations import OperationRegister
 from app.problems import ApiError
+from app.restart import note_what_is_found
 from app.settings import Settings
+from app.store.database import Database
 from app.streams import Streams
+from app.tickets import Tickets
 from drivers.errors import BusDown
 from drivers.master.network import Network
 
@@ -32,10 +36,17 @@ log: structlog.stdlib.BoundLogger = structlog.get_logger("canaxis")
 class Service:
     """One network, its operations and its event streams."""
 
-    def __init__(self, settings: Settings, network: Network) -> None:
+    def __init__(self, settings: Settings, network: Network, tickets: Tickets, audit: AuditTrail) -> None:
         self.settings = settings
         self.network = network
-        self.operations = OperationRegister()
+        self.tickets = tickets
+        self.audit = audit
+        self.store = Database(settings.store.file)
+        self.operations = OperationRegister(
+            self.store,
+            keep_days=settings.store.keep_days,
+            keep_number=settings.store.keep_operations,
+        )
         self.streams = Streams(self, settings.server.max_streams)
         self.metrics = Metrics(self)
         self.bus_problem: str | None = "The bus was not opened yet."
@@ -45,11 +56,20 @@ class Service:
         self._opener: asyncio.Task[None] | None = None
         self._watcher: asyncio.Task[None] | None = None
         self._journal: asyncio.Task[None] | None = None
+        self.finder: asyncio.Task[None] | None = None
+        """Notes what became of the operations that a restart ended; None if it ended none."""
         self.on_failure: Callable[[], None] | None = None
         """Called when a bug in the drivers came to light; the axes were told to stop by then."""
 
     async def open(self) -> None:
-        """Open the network; if the bus isn't there, go on without it and try again in the background."""
+        """Open store and network; without a bus, go on and try again in the background."""
+        await self.store.open()
+        self.audit.open()
+        if interrupted := await self.operations.take_over():
+            log.warning("operations were under way when the service ended", count=len(interrupted))
+            self.finder = asyncio.create_task(
+                note_what_is_found(self.operations, self.network, interrupted), name="finder"
+            )
         self._watcher = asyncio.create_task(self._watch(), name="failure watch")
         events = self.network.events.subscribe(kinds=journal.KINDS)
         self._journal = asyncio.create_task(journal.keep_journal(events), name="journal")
@@ -60,15 +80,19 @@ class Service:
         """End streams, let commands end, ramp the axes down, disable them, close the network."""
         self.closing = True
         self.streams.close()
-        background = [task for task in (self._opener, self._watcher) if task is not None]
-        for task in background:
-            task.cancel()
-        await asyncio.gather(*background, return_exceptions=True)
-        await self.network.close()
-        remaining = [*self._tasks, *([] if self._journal is None else [self._journal])]
-        for task in remaining:
-            task.cancel()
-        await asyncio.gather(*remaining, return_exceptions=True)
+        try:
+            background = [task for task in (self._opener, self._watcher) if task is not None]
+            for task in background:
+                task.cancel()
+            await asyncio.gather(*background, return_exceptions=True)
+            await self.network.close()
+            remaining = [*self._tasks, *(task for task in (self._journal, self.finder) if task is not None)]
+            for task in remaining:
+                task.cancel()
+            await asyncio.gather(*remaining, return_exceptions=True)
+        finally:
+            await self.audit.close()
+            await self.store.close()
 
     def begin_shutdown(self) -> None:
         """Stop every axis now, refuse new commands, end the streams. Called on the first signal."""

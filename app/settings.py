@@ -15,7 +15,16 @@ from pathlib import Path
 from typing import Annotated, Any, Self, cast
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, SecretStr, ValidationError, model_validator
+from platformdirs import user_state_path
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    SecretStr,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 from pydantic_settings import BaseSettings, EnvSettingsSource, PydanticBaseSettingsSource, SettingsConfigDict
 from pydantic_settings import SettingsError as UnreadableVariable
 
@@ -40,6 +49,12 @@ _RATES = (
     "homing_acceleration",
 )
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,62}$")]
+
+
+TOKEN_LENGTH = 22
+"""Characters of a token: 128 random bits in base64; in hexadecimal they are 32."""
+TOKEN_VARIETY = 8
+"""Different characters that a random token surely has, unlike most made up."""
 
 
 class SettingsError(Exception):
@@ -75,12 +90,42 @@ class ServerSettings(Section):
 
     host: str = "127.0.0.1"
     port: int = Field(default=8402, ge=0, le=65535, description="0 lets the system choose.")
-    token: SecretStr | None = Field(default=None, description="Bearer token; at least 16 characters.")
-    token_file: Path | None = Field(default=None, description="File that holds the token; mode 0600.")
+    token: SecretStr | None = Field(
+        default=None, description="A bearer token for everything; random, 22 characters or more."
+    )
+    token_file: Path | None = Field(
+        default=None, description="File of hashed tokens with names and roles, made by `canaxis token`."
+    )
     allowed_hosts: tuple[str, ...] = Field(default=(), description="Further values of the Host header.")
     allowed_origins: tuple[str, ...] = Field(default=(), description="Origins of web pages that may command.")
     max_streams: int = Field(default=64, ge=1, description="Event streams open at once.")
+    max_connections: int = Field(default=512, ge=8, description="TCP connections open at once.")
+    requests_per_second: Positive | None = Field(
+        default=5000.0, description="Of one client address, stops excepted; null: no limit."
+    )
+    request_timeout: Positive = Field(
+        default=10.0, description="Seconds in which the head of a request must be here, and its body."
+    )
     stop_timeout: Positive = Field(default=5.0, description="Seconds that open requests get at shutdown.")
+
+    @field_validator("token")
+    @classmethod
+    def _check_token(cls, token: SecretStr | None) -> SecretStr | None:
+        text = "" if token is None else token.get_secret_value()
+        long_enough = len(text) >= TOKEN_LENGTH and len(set(text)) >= TOKEN_VARIETY
+        if token is not None and not (
+            long_enough and text.isascii() and text.isprintable() and " " not in text
+        ):
+            raise ValueError(
+                f"at least {TOKEN_LENGTH} random ASCII characters without spaces are needed; "
+                "`openssl rand -hex 16` makes some"
+            )
+        return token
+
+    @property
+    def has_token(self) -> bool:
+        """Whether requests need a token."""
+        return self.token is not None or self.token_file is not None
 
     @property
     def is_loopback(self) -> bool:
@@ -90,26 +135,34 @@ class ServerSettings(Section):
         except ValueError:
             return self.host == "localhost"  # any other name may lead anywhere
 
-    def read_token(self) -> str | None:
-        """The token, from the setting or its file. Raises `SettingsError` if it can't be used."""
-        if self.token is not None:
-            token = self.token.get_secret_value()
-        elif self.token_file is not None:
-            token = _token_from(self.token_file)
-        else:
-            return None
-        if len(token) < 16 or not token.isascii() or any(c.isspace() for c in token):
-            raise SettingsError(
-                "server.token: at least 16 ASCII characters without spaces are needed; "
-                "`openssl rand -hex 16` makes some"
-            )
-        return token
-
 
 class ObjectsSettings(Section):
     """Raw access to the object dictionary."""
 
     writable: bool = Field(default=False, description="Whether PUT on objects is allowed at all.")
+
+
+def default_store() -> Path:
+    """Where `canaxis serve` remembers operations if no file is named: the user's folder for state."""
+    return user_state_path("canaxis") / "canaxis.db"
+
+
+class StoreSettings(Section):
+    """Where operations are remembered, and how long."""
+
+    file: Path | None = Field(
+        default=None, description="SQLite file; without one, everything is forgotten when the service ends."
+    )
+    keep_days: Positive = Field(default=90, description="Days for which ended operations are kept.")
+    keep_operations: int = Field(default=100_000, ge=1, description="How many ended operations are kept.")
+
+
+class AuditSettings(Section):
+    """The record of who commanded what, besides the log."""
+
+    file: Path | None = Field(default=None, description="JSON lines are added to it; none: the log alone.")
+    max_bytes: int = Field(default=10_000_000, ge=10_000, description="A larger file is set aside.")
+    keep: int = Field(default=5, ge=1, le=1000, description="Files that were set aside and are kept.")
 
 
 class LogSettings(Section):
@@ -156,23 +209,31 @@ class AxisSettings(Section):
         return self
 
     def to_config(self) -> AxisConfig:
-        """The same in steps."""
+        """The same in steps. Raises `SettingsError` for a number beyond all range."""
         values: dict[str, Any] = {}
         for key in _RATES:
             value = cast("float | None", getattr(self, key))
             if value is not None:
-                values[key] = max(1, round(value * abs(self.steps_per_unit))) if value else 0
+                values[key] = max(1, abs(self._steps(key, value))) if value else 0
         for key in ("homing_method", "switch_parameters", "require_homing"):
             if (value := getattr(self, key)) is not None:
                 values[key] = value
         if self.home_offset is not None:
-            values["home_offset"] = round(self.home_offset * self.steps_per_unit)
+            values["home_offset"] = self._steps("home_offset", self.home_offset)
         if self.position_tolerance is not None:
-            values["position_tolerance"] = round(self.position_tolerance * abs(self.steps_per_unit))
+            values["position_tolerance"] = abs(self._steps("position_tolerance", self.position_tolerance))
         if self.soft_limits is not None:
-            lower, upper = sorted(round(limit * self.steps_per_unit) for limit in self.soft_limits)
+            lower, upper = sorted(self._steps("soft_limits", limit) for limit in self.soft_limits)
             values["soft_limits"] = (lower, upper)
         return AxisConfig(name=self.name, unit=self.unit, steps_per_unit=self.steps_per_unit, **values)
+
+    def _steps(self, key: str, value: float) -> int:
+        try:
+            return round(value * self.steps_per_unit)
+        except (OverflowError, ValueError) as error:
+            raise SettingsError(
+                f"axis {self.name}: {key}: {value:g} {self.unit} is no number of steps"
+            ) from error
 
 
 def _three_axes() -> tuple[AxisSettings, ...]:
@@ -230,6 +291,8 @@ class Settings(BaseSettings):
     network: NetworkSettings = Field(default_factory=NetworkSettings)
     nodes: tuple[NodeSettings, ...] = Field(default_factory=_one_node, min_length=1)
     objects: ObjectsSettings = Field(default_factory=ObjectsSettings)
+    store: StoreSettings = Field(default_factory=StoreSettings)
+    audit: AuditSettings = Field(default_factory=AuditSettings)
     log: LogSettings = Field(default_factory=LogSettings)
 
     @classmethod
@@ -255,6 +318,12 @@ class Settings(BaseSettings):
             raise ValueError("nodes: two nodes have the same name")
         return self
 
+    def with_store(self, file: Path) -> Settings:
+        """The same with this file for the store, unless one is named already."""
+        if self.store.file is not None:
+            return self
+        return self.model_copy(update={"store": self.store.model_copy(update={"file": file})})
+
     def network_config(self) -> NetworkConfig:
         """What the master takes. Raises `SettingsError` for what it refuses."""
         given = self.network.model_dump(exclude_none=True)
@@ -265,7 +334,7 @@ class Settings(BaseSettings):
 
     def check_exposure(self) -> None:
         """Refuse an address that others can reach without a token. Raises `SettingsError`."""
-        if self.server.read_token() is None and not self.server.is_loopback:
+        if not self.server.has_token and not self.server.is_loopback:
             raise SettingsError(
                 f"server.host: {self.server.host} can be reached by others, and no token is set; "
                 "set server.token or server.token_file, or listen on 127.0.0.1"
@@ -283,6 +352,8 @@ def load_settings(path: Path | None = None, overrides: Mapping[str, Any] | None 
     if source is None and DEFAULT_FILE.is_file():
         source = DEFAULT_FILE
     values: dict[str, Any] = {} if source is None else _read_file(source)
+    if source is not None:
+        _check_private(source, values)
     try:
         values = _merged(values, EnvSettingsSource(Settings)())
         return Settings(**_merged(values, overrides or {}))
@@ -290,6 +361,8 @@ def load_settings(path: Path | None = None, overrides: Mapping[str, Any] | None 
         raise SettingsError(_explain(error, source)) from error
     except UnreadableVariable as error:
         raise SettingsError(f"{error} (lists and mappings are written in JSON)") from error
+    except RecursionError as error:
+        raise SettingsError("the settings have brackets within brackets beyond all bounds") from error
 
 
 def _check_environment(environ: Mapping[str, str]) -> None:
@@ -305,13 +378,26 @@ def _read_file(path: Path) -> dict[str, Any]:
         data: object = tomllib.loads(text) if path.suffix == ".toml" else yaml.safe_load(text)
     except OSError as error:
         raise SettingsError(f"{path}: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, yaml.YAMLError, UnicodeDecodeError) as error:
+    except RecursionError as error:
+        raise SettingsError(f"{path}: brackets within brackets beyond all bounds") from error
+    except (
+        ValueError,
+        yaml.YAMLError,
+    ) as error:  # no UTF-8, no TOML, or a value that YAML can't make: 2001-99-99
         raise SettingsError(f"{path}: {error}") from error
     if data is None:
         return {}
     if not isinstance(data, dict):
         raise SettingsError(f"{path}: a mapping of settings is expected at the top")
     return {str(key): value for key, value in cast("dict[object, Any]", data).items()}
+
+
+def _check_private(path: Path, values: Mapping[str, Any]) -> None:
+    """Others on this machine must not read a token."""
+    server: object = values.get("server")
+    holds = isinstance(server, Mapping) and "token" in server
+    if holds and path.stat().st_mode & 0o077:
+        raise SettingsError(f"{path} holds server.token: it must be readable by its owner only (chmod 600)")
 
 
 def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
@@ -323,17 +409,6 @@ def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
         else:
             result[key] = value
     return result
-
-
-def _token_from(path: Path) -> str:
-    try:
-        if path.stat().st_mode & 0o077:
-            raise SettingsError(f"server.token_file: {path} must be readable by its owner only (chmod 600)")
-        return path.read_text(encoding="ascii").strip()
-    except OSError as error:
-        raise SettingsError(f"server.token_file: {path}: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise SettingsError(f"server.token_file: {path} is no ASCII text") from error
 
 
 def _explain(error: ValidationError, source: Path | None) -> str:

@@ -1,8 +1,9 @@
 """Server-sent events: a snapshot first, then what changes.
 
-Each event is encoded once and the same bytes go to every client. Each client has a bounded queue in the hub;
-what it misses it is told in a `missed` event. The response is a plain stream: anything richer costs several
-times that.
+Each event is encoded once and the same bytes go to every client. Each client has a bounded queue in the hub.
+One that falls behind is told in a `missed` event how much it lost, and let go: it comes back with the id of
+the last event that it got, and is given what is kept since. The response is a plain stream: anything richer
+costs several times that.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import asyncio
 import contextlib
 import json
 from collections import OrderedDict
-from collections.abc import AsyncGenerator, Callable
+from collections.abc import AsyncGenerator, Callable, Iterator
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,7 @@ from app import views
 from app.problems import ApiError
 from drivers.master.emergencies import EmergencyRecord
 from drivers.master.events import Event, Subscription
-from drivers.master.motion import Motion
+from drivers.master.motion import Undertaking
 
 if TYPE_CHECKING:
     from app.service import Service
@@ -135,15 +136,13 @@ class Streams:
             except TimeoutError:
                 yield b": keep-alive\n\n"
                 continue
-            waiting = [event] if event is not None else []
-            while (another := subscription.take()) is not None:
-                waiting.append(another)
+            waiting = list(_waiting(subscription, event))
             chunk = b"".join(
-                self._bytes_of(each) for each in waiting if each.id > begun or each.kind == "missed"
+                self._bytes_of(each) for each in waiting if each.id > begun or _tells_a_loss(each)
             )
             if chunk:
                 yield chunk
-            if event is None:
+            if event is None or any(map(_tells_a_loss, waiting)):
                 return
             await asyncio.sleep(PAUSE)
 
@@ -161,8 +160,8 @@ class Streams:
         return b"".join(chunks)
 
     def _bytes_of(self, event: Event) -> bytes:
-        if event.kind == "missed":  # of this one client
-            return encode("missed", dict(event.data), event.id)
+        if _tells_a_loss(event):  # to this one client
+            return encode("missed", dict(event.data))  # no id: it comes back with that of the last one it got
         known = self._encoded.get(event.id)
         if known is None:
             known = encode(event.kind, self._wire(event), event.id)
@@ -183,8 +182,20 @@ class Streams:
             data = views.node(service.network.node(event.node)).model_dump(mode="json")
         elif event.kind == "emergency" and isinstance(record := event.data["record"], EmergencyRecord):
             data = views.emergency(record).model_dump(mode="json", by_alias=True)
-        elif event.kind == "motion" and isinstance(motion := event.data["motion"], Motion):
+        elif event.kind == "motion" and isinstance(motion := event.data["motion"], Undertaking):
             data = service.operations.reply_for(motion).model_dump(mode="json")
         else:  # bus, stop
             data = {key: views.plain(value) for key, value in event.data.items()}
         return {**data, "time": _plain(event.time), "node": event.node, "axis": event.axis}
+
+
+def _waiting(subscription: Subscription, first: Event | None) -> Iterator[Event]:
+    """`first` and what waits behind it; nothing more after a loss, which is for the client's next stream."""
+    event = subscription.take() if first is None else first
+    while event is not None:
+        yield event
+        event = None if _tells_a_loss(event) else subscription.take()
+
+
+def _tells_a_loss(event: Event) -> bool:
+    return event.kind == "missed"

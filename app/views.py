@@ -4,21 +4,30 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from datetime import datetime
+from datetime import UTC, datetime
 from enum import Enum
 from typing import TYPE_CHECKING, Any, cast
 
-from app.schemas.axes import ActiveEmergency, AxisStatusReply, Limits, ReadinessReply
+from app.schemas.axes import ActiveEmergency, AxisStatusReply, FoundReply, Limits, ReadinessReply
 from app.schemas.common import ObstacleReply
-from app.schemas.nodes import AxisName, EmergencyReply, IdentityReply, NodeReply
+from app.schemas.nodes import (
+    AxisName,
+    BootReply,
+    BootStepReply,
+    ChangeReply,
+    EmergencyReply,
+    IdentityReply,
+    NodeReply,
+)
 from app.schemas.system import AxisStopReply, BusReply, StopReply, StopState
 from app.units import Scale
 from drivers.errors import Obstacle
 from drivers.master.axis import Axis
+from drivers.master.boot_log import BootStep, StepState
 from drivers.master.emergencies import EmergencyRecord
 from drivers.master.node import Node
 from drivers.master.readiness import AxisCommand
-from drivers.master.status import StopLatch, StopReport
+from drivers.master.status import Adoption, StopLatch, StopReport
 
 if TYPE_CHECKING:
     from app.service import Service
@@ -47,6 +56,9 @@ def axis_status(axis: Axis) -> AxisStatusReply:
         target_reached=status.target_reached,
         moving=status.moving,
         referenced=status.referenced,
+        reference=status.reference.value,
+        adopted=status.adopted is not None,
+        found=None if status.adopted is None else _found(status.adopted, scale),
         limits=Limits(negative=status.switches.negative_limit, positive=status.switches.positive_limit),
         home_switch=status.switches.home,
         emergencies=[
@@ -56,6 +68,17 @@ def axis_status(axis: Axis) -> AxisStatusReply:
         operation=None if motion is None or motion.done else motion.id,
         age_s=None if age is None else round(age, 4),
         stale=status.stale,
+    )
+
+
+def _found(adoption: Adoption, scale: Scale) -> FoundReply:
+    return FoundReply(
+        reason=adoption.reason,
+        state=None if adoption.state is None else adoption.state.value,
+        mode=adoption.mode.name.lower(),
+        moving=adoption.moving,
+        position=None if adoption.position is None else scale.quantity(adoption.position),
+        velocity=None if adoption.velocity is None else scale.quantity(adoption.velocity, "/s"),
     )
 
 
@@ -102,11 +125,45 @@ def node(node: Node) -> NodeReply:
         serial=status.serial,
         failsafe=status.failsafe.value,
         heartbeat_age_s=None if status.heartbeat_age_s is None else round(status.heartbeat_age_s, 4),
+        boot=_boot(status.boot),
         axes=[
             AxisName(axis=axis.number, name=axis.name, unit=axis.config.unit, path=axis_path(axis))
             for axis in node.axes
         ],
         counters=dataclasses.asdict(status.counters),
+    )
+
+
+def _boot(steps: Sequence[BootStep]) -> BootReply:
+    return BootReply(
+        complete=all(step.state in (StepState.DONE, StepState.SKIPPED) for step in steps),
+        took_s=round(sum(step.took_s or 0.0 for step in steps), 4),
+        steps=[_boot_step(step) for step in steps],
+    )
+
+
+def _boot_step(step: BootStep) -> BootStepReply:
+    return BootStepReply(
+        name=step.name.value,
+        state=step.state.value,
+        compared=step.compared,
+        written=step.written,
+        changes=[
+            ChangeReply(
+                index=f"0x{change.address.index:04X}",
+                sub=change.address.sub,
+                name=change.name,
+                axis=change.axis,
+                old=change.old,
+                new=change.new,
+                unit=change.unit,
+            )
+            for change in step.changes
+        ],
+        note=step.note,
+        reason=step.reason,
+        remedy=step.remedy,
+        took_s=None if step.took_s is None else round(step.took_s, 4),
     )
 
 
@@ -165,13 +222,12 @@ def snapshot(service: Service) -> dict[str, Any]:
     """Everything at once, for the beginning of a stream."""
     nodes = service.network.nodes.values()
     return {
+        "time": datetime.now(UTC),
         "bus": bus(service).model_dump(mode="json"),
         "stop": stop(service.network.stop_latched).model_dump(mode="json"),
         "nodes": [node(n).model_dump(mode="json") for n in nodes],
         "axes": [axis_status(a).model_dump(mode="json") for n in nodes for a in n.axes],
-        "operations": [
-            o.reply().model_dump(mode="json") for o in service.operations.newest(100) if not o.motion.done
-        ],
+        "operations": [o.reply().model_dump(mode="json") for o in service.operations.running()],
     }
 
 

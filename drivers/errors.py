@@ -5,6 +5,7 @@ Every error says in one sentence what happened, carries where (node, axis, objec
 
 from __future__ import annotations
 
+import enum
 from dataclasses import dataclass
 
 
@@ -117,16 +118,29 @@ class ConfigurationRefused(NodeError):
 # --- SDO ---
 
 
+class Outcome(enum.StrEnum):
+    """What a transfer that did not succeed has done to the node."""
+
+    UNKNOWN = "unknown"
+    """Maybe what it should, maybe nothing: read back before anything else."""
+    REFUSED = "refused"
+    """Nothing: the node said no."""
+    NOT_SENT = "not_sent"
+    """Nothing: the node was not asked."""
+
+
 class SdoError(NodeError):
-    """A service data object transfer did not succeed."""
+    """A service data object transfer did not succeed; `outcome` says what that means for the node."""
 
     code = "sdo_error"
+    outcome = Outcome.UNKNOWN
 
 
 class SdoAborted(SdoError):
     """The node refused the transfer. `abort_code` and its `meaning` say why (manual section 12)."""
 
     code = "sdo_aborted"
+    outcome = Outcome.REFUSED
 
     def __init__(
         self, message: str, *, abort_code: int, meaning: str, hint: str | None = None, **where: int | None
@@ -141,6 +155,22 @@ class SdoTimeout(SdoError):
 
     code = "sdo_timeout"
     hint = "The outcome is unknown: read the object back before you write again."
+
+
+class SdoQueueTimeout(SdoTimeout):
+    """Its turn did not come in time; nothing was sent."""
+
+    code = "sdo_queue_timeout"
+    hint = "Nothing was sent. Check that the node answers at all; then try again."
+    outcome = Outcome.NOT_SENT
+
+
+class SdoQueueFull(SdoError):
+    """The node's queue is full, and nothing less urgent waits in it; nothing was sent."""
+
+    code = "sdo_queue_full"
+    hint = "Nothing was sent. Ask this node less often, or wait a moment and try again."
+    outcome = Outcome.NOT_SENT
 
 
 class SdoProtocolError(SdoError):

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -57,9 +57,17 @@ class Canaxis:
 class Running:
     """`with Running(directory, "serve", ...) as canaxis:`; whatever happens, nothing of it stays behind."""
 
-    def __init__(self, directory: Path, *arguments: str, stdin: IO[bytes] | int | None = None) -> None:
+    def __init__(
+        self,
+        directory: Path,
+        *arguments: str,
+        stdin: IO[bytes] | int | None = None,
+        program: Sequence[str] = ("-m", "app"),
+    ) -> None:
+        """`program` is what Python runs, should it not be `canaxis` itself but a script around it."""
         self._directory = directory
         self._arguments = arguments
+        self._program = program
         self._stdin = subprocess.DEVNULL if stdin is None else stdin
         self._process: subprocess.Popen[bytes] | None = None
 
@@ -67,12 +75,13 @@ class Running:
         output = self._directory / f"{self._arguments[0]}-{time.monotonic_ns()}.out"
         with output.open("wb") as file:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "app", *self._arguments],
+                [sys.executable, *self._program, *self._arguments],
                 stdin=self._stdin,
                 stdout=file,
                 stderr=subprocess.STDOUT,
                 cwd=self._directory,
-                env={k: v for k, v in os.environ.items() if not k.startswith("CANAXIS_")},
+                env={k: v for k, v in os.environ.items() if not k.startswith("CANAXIS_")}
+                | {"XDG_STATE_HOME": str(self._directory)},
                 start_new_session=True,
             )
         return Canaxis(self._process, output)

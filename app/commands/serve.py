@@ -12,7 +12,7 @@ import typer
 from app.logs import configure_logs
 from app.server import run_server
 from app.service import Service
-from app.settings import SettingsError, load_settings
+from app.settings import SettingsError, default_store, load_settings
 
 _NODE = re.compile(r"(\d{1,3})(?::([A-Za-z][A-Za-z0-9_.-]*))?(?::([A-Za-z0-9_.-]+))?")
 
@@ -33,6 +33,9 @@ def serve(
     ] = None,
     port: Annotated[int | None, typer.Option(help="Port to listen on.")] = None,
     token_file: Annotated[Path | None, typer.Option(help="File with the bearer token, mode 0600.")] = None,
+    store: Annotated[
+        Path | None, typer.Option(help="SQLite file for operations; else the user's folder for state.")
+    ] = None,
     log_format: Annotated[str | None, typer.Option(help="console or json.")] = None,
 ) -> None:
     """Serve the HTTP API for the modules on a CAN bus."""
@@ -40,11 +43,12 @@ def serve(
     overrides = {
         "bus": _given(bus) | ({"options": dict(map(parse_option, option))} if option else {}),
         "server": _given({"host": host, "port": port, "token_file": token_file}),
+        "store": _given({"file": store}),
         "log": _given({"format": log_format}),
     }
     if node:
         overrides["nodes"] = [parse_node(text) for text in node]  # pyright: ignore[reportArgumentType]
-    settings = load_settings(config, overrides)
+    settings = load_settings(config, overrides).with_store(default_store())
     configure_logs(settings.log)
     if not run_server(settings, _announce):
         sys.exit(1)

@@ -21,6 +21,7 @@ from app.replies import problem_response
 from app.routes.health import get_problem_type
 from app.security import DOCS_ASSETS, Policy, SecurityMiddleware
 from app.settings import ServerSettings
+from app.tickets import Tickets
 from drivers.errors import CanaxisError
 from drivers.sim.commands import Command
 from drivers.sim.panel import COMMANDS, ModulePanel
@@ -47,6 +48,7 @@ Endpoint = Callable[[int, Request], Coroutine[Any, Any, ModuleReply]]
 
 def create_panel(station: Station, port: int) -> FastAPI:
     """The panel of a station whose loop it runs in, served on `port` of this machine only."""
+    policy = Policy.of(ServerSettings(port=port))
     app = FastAPIOffline(
         title="Canaxis fault panel",
         version=version("canaxis"),
@@ -57,7 +59,7 @@ def create_panel(station: Station, port: int) -> FastAPI:
         static_url=DOCS_ASSETS,
         redirect_slashes=False,
         generate_unique_id_function=operation_id,
-        middleware=[Middleware(SecurityMiddleware, policy=Policy.of(ServerSettings(port=port)))],
+        middleware=[Middleware(SecurityMiddleware, policy=policy, tickets=Tickets())],
     )
     install_error_handlers(app)
     app.add_exception_handler(CanaxisError, _driver_error)

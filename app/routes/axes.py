@@ -6,13 +6,16 @@ from fastapi import APIRouter, Depends
 
 from app import views
 from app.deps import AxisDep, NodeDep, ServiceDep, command_headers, empty_body
+from app.direct import AxisRoute
 from app.documentation import AXIS, AXIS_COMMAND, NODE, problems
 from app.schemas.axes import AxisList, AxisStatusReply, ReadinessReply
 
 router = APIRouter(prefix="/nodes/{node}/axes", tags=["axes"])
+reports = APIRouter(prefix="/nodes/{node}/axes/{axis}", tags=["axes"], route_class=AxisRoute)
 commands = APIRouter(
     prefix="/nodes/{node}/axes/{axis}",
     tags=["axes"],
+    route_class=AxisRoute,
     dependencies=[Depends(command_headers), Depends(empty_body)],
     responses=problems(*AXIS_COMMAND),
 )
@@ -24,13 +27,13 @@ async def list_axes(node: NodeDep) -> AxisList:
     return AxisList(axes=[views.axis_status(axis) for axis in node.axes])
 
 
-@router.get("/{axis}", summary="Status of an axis", responses=problems(*AXIS))
+@reports.get("", summary="Status of an axis", responses=problems(*AXIS))
 async def get_axis(axis: AxisDep) -> AxisStatusReply:
     """What the axis does now. Costs the bus nothing: it is the module's last report, with its age."""
     return views.axis_status(axis)
 
 
-@router.get("/{axis}/readiness", summary="What prevents a command", responses=problems(*AXIS))
+@reports.get("/readiness", summary="What prevents a command", responses=problems(*AXIS))
 async def get_readiness(axis: AxisDep) -> ReadinessReply:
     """What prevents each command now, each reason with its remedy."""
     return views.readiness(axis)
@@ -60,6 +63,7 @@ async def reset_fault(service: ServiceDep, axis: AxisDep) -> AxisStatusReply:
 @commands.post("/stop", summary="Ramp down and stay enabled")
 async def stop_axis(service: ServiceDep, axis: AxisDep) -> AxisStatusReply:
     """Controlled stop; it ends the running operation. Needs no body, heeds no key. Answers at standstill."""
+    axis.begin_stop("The axis was stopped.")  # now: a new task would wait for its turn
     await service.unconditional(axis.stop())
     return views.axis_status(axis)
 

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Header
 from fastapi.responses import Response
 
 from app.deps import ServiceDep
-from app.documentation import Responses, problems
+from app.documentation import TICKET, Responses, problems
 
 router = APIRouter(prefix="/events", tags=["events"])
 _EVENT_ID = re.compile(r"[0-9]{1,18}")
@@ -36,6 +36,7 @@ STREAM: Responses = {
     "",
     summary="Changes as they happen",
     response_class=Response,
+    openapi_extra={"security": [{}, {"token": []}, {TICKET: []}]},
     responses={**STREAM, **problems("too_many_streams", "shutting_down")},
 )
 async def stream_events(

@@ -33,7 +33,7 @@ async def get_readyz(service: ServiceDep, response: Response) -> ReadyReply:
     """503 with reasons while the bus is down or a configured node is not operational."""
     reasons = not_ready_reasons(service)
     response.status_code = 503 if reasons else 200
-    return ReadyReply(ready=not reasons, reasons=reasons)
+    return ReadyReply(ready=not reasons, reasons=reasons, warnings=_warnings(service))
 
 
 def not_ready_reasons(service: Service) -> list[str]:
@@ -55,6 +55,16 @@ def not_ready_reasons(service: Service) -> list[str]:
                 f"Node {node.node_id} ({node.name}) is {status.state.value}. {status.reason}".strip()
             )
     return reasons
+
+
+def _warnings(service: Service) -> list[str]:
+    """What prevents no command, but should be put right."""
+    warnings: list[str] = []
+    if not (history := service.store.health).on:
+        warnings.append(f"History is off: {history.reason}")
+    if (problem := service.audit.problem) is not None:
+        warnings.append(f"The record of commands is off: {problem}")
+    return warnings
 
 
 @router.get(

@@ -5,20 +5,17 @@ Each answers with an operation: the motion is the service's, not the client's.
 
 from __future__ import annotations
 
-from typing import Any
+from fastapi import APIRouter, Depends
 
-from fastapi import APIRouter, Depends, Response
-
-from app.deps import AxisDep, ServiceDep, WaitDep, command_headers
-from app.documentation import MOVING, Responses, problems
-from app.operations import operation_path
+from app.deps import AxisDep, command_headers
+from app.documentation import MOVING, Responses, operation_links, problems
 from app.problems import ApiError
 from app.replies import location_header, preference_header
 from app.schemas.axes import HomeBody, MoveBody, VelocityBody
 from app.schemas.operations import OperationReply
-from app.service import Service
+from app.starting import StarterDep
 from app.units import Scale
-from drivers.master.motion import Motion
+from drivers.master.motion import MotionKind
 from drivers.master.requests import HomeRequest, MoveRequest, VelocityRequest
 
 ANSWERS: Responses = {
@@ -26,11 +23,13 @@ ANSWERS: Responses = {
         "description": "It ended while the request waited; `state` says how.",
         "model": OperationReply,
         "headers": preference_header(),
+        "links": operation_links(),
     },
     202: {
         "description": "It is under way; ask at `Location`.",
         "model": OperationReply,
         "headers": {**location_header(), **preference_header()},
+        "links": operation_links(),
     },
     **problems(*MOVING),
 }
@@ -44,9 +43,7 @@ router = APIRouter(
 
 
 @router.post("/move", summary="Go to a position", status_code=202)
-async def move_axis(
-    body: MoveBody, service: ServiceDep, axis: AxisDep, wait: WaitDep, response: Response
-) -> OperationReply:
+async def move_axis(body: MoveBody, axis: AxisDep, starter: StarterDep) -> OperationReply:
     """Go to a position, or by a distance. Refused with a reason if the axis can't; nothing is sent then."""
     scale = Scale.named(body.unit, axis.config)
     request = MoveRequest(
@@ -57,14 +54,16 @@ async def move_axis(
         deceleration=scale.rate("deceleration", body.deceleration),
     )
     asked = body.model_dump(exclude_none=True) | {"target_steps": request.target}
-    service.check_open()
-    return await _begun(service, axis.move_to(request), asked, wait, response)
+    return await starter.start(
+        MotionKind.MOVE,
+        axis,
+        asked,
+        lambda operation_id: axis.move_to(request, undertaking_id=operation_id),
+    )
 
 
 @router.post("/velocity", summary="Run at a speed", status_code=202)
-async def run_axis(
-    body: VelocityBody, service: ServiceDep, axis: AxisDep, wait: WaitDep, response: Response
-) -> OperationReply:
+async def run_axis(body: VelocityBody, axis: AxisDep, starter: StarterDep) -> OperationReply:
     """Run at a speed until something else is commanded.
 
     0 ramps down. It succeeds when the speed is reached.
@@ -75,14 +74,16 @@ async def run_axis(
         acceleration=scale.rate("acceleration", body.acceleration),
     )
     asked = body.model_dump(exclude_none=True) | {"velocity_steps": request.velocity}
-    service.check_open()
-    return await _begun(service, axis.run_at(request), asked, wait, response)
+    return await starter.start(
+        MotionKind.VELOCITY,
+        axis,
+        asked,
+        lambda operation_id: axis.run_at(request, undertaking_id=operation_id),
+    )
 
 
 @router.post("/home", summary="Seek the reference", status_code=202)
-async def home_axis(
-    body: HomeBody, service: ServiceDep, axis: AxisDep, wait: WaitDep, response: Response
-) -> OperationReply:
+async def home_axis(body: HomeBody, axis: AxisDep, starter: StarterDep) -> OperationReply:
     """Seek the reference with a homing method of the module."""
     rates = (body.fast, body.slow, body.acceleration)
     if body.unit is None and any(rate is not None for rate in rates):
@@ -95,18 +96,9 @@ async def home_axis(
         acceleration=scale.rate("acceleration", body.acceleration),
         timeout_s=body.timeout_s,
     )
-    service.check_open()
-    return await _begun(service, axis.home(request), body.model_dump(exclude_none=True), wait, response)
-
-
-async def _begun(
-    service: Service, motion: Motion, asked: dict[str, Any], wait: WaitDep, response: Response
-) -> OperationReply:
-    """Register the motion, wait as long as the client wants, answer."""
-    operation = service.operations.add(motion, asked)
-    ended = await wait.until_end(motion)
-    response.headers["Location"] = operation_path(operation.id)
-    response.status_code = 200 if ended else 202
-    if wait.preferred:
-        response.headers["Preference-Applied"] = f"wait={wait.seconds:g}"
-    return operation.reply()
+    return await starter.start(
+        MotionKind.HOME,
+        axis,
+        body.model_dump(exclude_none=True),
+        lambda operation_id: axis.home(request, undertaking_id=operation_id),
+    )

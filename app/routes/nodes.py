@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Depends
 
 from app import views
-from app.deps import NodeDep, ServiceDep
-from app.documentation import NODE, problems
+from app.deps import NodeDep, ServiceDep, command_headers, empty_body
+from app.documentation import NODE, NODE_COMMAND, problems
 from app.schemas.nodes import EmergencyList, NodeList, NodeReply
 
 router = APIRouter(prefix="/nodes", tags=["nodes"])
+commands = APIRouter(
+    prefix="/nodes/{node}",
+    tags=["nodes"],
+    dependencies=[Depends(command_headers), Depends(empty_body)],
+    responses=problems(*NODE_COMMAND),
+)
 
 
 @router.get("", summary="All configured nodes", responses=problems())
@@ -28,3 +34,26 @@ async def get_node(node: NodeDep) -> NodeReply:
 async def list_emergencies(node: NodeDep) -> EmergencyList:
     """The node's last emergencies with cause and remedy, the newest first."""
     return EmergencyList(emergencies=[views.emergency(record) for record in reversed(node.emergencies)])
+
+
+@commands.post("/boot", summary="Take a node in anew, now")
+async def boot(node: NodeDep, service: ServiceDep) -> NodeReply:
+    """Identify, compare, write what differs, read back, start (CiA 302).
+
+    Does what happens by itself as soon as a node appears, for who has put something right and won't wait.
+    Resets nothing and enables nothing. While the node is operational every axis must be idle and disabled.
+    """
+    await service.command(node.boot())
+    return views.node(node)
+
+
+@commands.post("/verify-failsafe", summary="See whether a node stops its motors without this service")
+async def verify_failsafe(node: NodeDep, service: ServiceDep) -> NodeReply:
+    """Let the service's heartbeat pause at standstill and look whether the node faults its enabled axes.
+
+    Takes a few seconds. At least one axis of the node must be enabled, and no axis of the bus may move or be
+    in use. Afterwards every axis of the bus that was enabled is in FAULT: the pause is heard by every module.
+    `failsafe` is `verified` then, until the module's next start; or `off` if it went on.
+    """
+    await service.command(service.network.verify_failsafe(node.node_id))
+    return views.node(node)

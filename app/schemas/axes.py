@@ -61,6 +61,17 @@ class ActiveEmergency(Reply):
     remedy: str
 
 
+class FoundReply(Reply):
+    """How an axis was found that nobody here has enabled; nothing was reset."""
+
+    reason: str = Field(description="Why it must be claimed.")
+    state: str | None = Field(description="CiA 402 state (6041h).")
+    mode: str = Field(description="CiA 402 mode of operation (6061h).")
+    moving: bool
+    position: Quantity | None
+    velocity: Quantity | None
+
+
 class AxisStatusReply(Reply):
     """What an axis does now, from the last process data that its module sent."""
 
@@ -77,6 +88,13 @@ class AxisStatusReply(Reply):
     target_reached: bool
     moving: bool
     referenced: bool = Field(description="Whether the axis was homed since the module started.")
+    reference: str = Field(
+        description="unknown, homed, or lost (the module started anew by itself, or a homing failed)"
+    )
+    adopted: bool = Field(
+        description="Whether it was found enabled or turning, and nobody has claimed it by enabling it yet."
+    )
+    found: FoundReply | None = Field(description="How it was found, while it is adopted.")
     limits: Limits
     home_switch: bool
     emergencies: list[ActiveEmergency]

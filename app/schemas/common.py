@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from pydantic_core import PydanticCustomError
@@ -116,6 +116,11 @@ class Problem(Reply):
     sub: int | None = Field(default=None, description="Object sub-index.")
     abort_code: str | None = Field(default=None, description="SDO abort code, hexadecimal.")
     abort_meaning: str | None = None
+    outcome: Literal["unknown", "refused", "not_sent"] | None = Field(
+        default=None,
+        description="What a failed object transfer did to the node: `unknown` may have taken effect, so read "
+        "back before anything else; `refused` and `not_sent` did nothing.",
+    )
     obstacles: list[ObstacleReply] | None = None
     errors: list[FieldError] | None = None
     operation: str | None = Field(default=None, description="Path of the operation that holds the axis.")

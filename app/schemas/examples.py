@@ -41,6 +41,9 @@ AXIS: Example = {
     "target_reached": True,
     "moving": False,
     "referenced": False,
+    "reference": "unknown",
+    "adopted": False,
+    "found": None,
     "limits": {"negative": False, "positive": False},
     "home_switch": False,
     "emergencies": [],
@@ -60,12 +63,37 @@ OPERATION: Example = {
     "kind": "move",
     "node": 1,
     "axis": 0,
+    "axes": [{"node": 1, "axis": 0, "name": "x"}],
     "state": "running",
     "progress": 0.4,
     "request": {"target": 51200, "unit": "steps", "relative": False, "target_steps": 51200},
     "result": None,
     "error": None,
     "reason": None,
+    "asked_by": {"name": "anonymous", "address": "127.0.0.1"},
+    "evidence": {
+        "axes": [
+            {
+                "node": 1,
+                "axis": 0,
+                "start": {"steps": 0, "value": 0.0, "unit": "steps"},
+                "target": {"steps": 51200, "value": 51200.0, "unit": "steps"},
+                "end": None,
+            }
+        ],
+        "statuswords": [
+            {
+                "node": 1,
+                "axis": 0,
+                "after_s": 0.012,
+                "statusword": "0x5237",
+                "position": {"steps": 12, "value": 12.0, "unit": "steps"},
+            }
+        ],
+        "left_out": 0,
+        "emergencies": [],
+        "found": [],
+    },
     "created": TIME,
     "started": TIME,
     "ended": None,
@@ -95,6 +123,33 @@ NODE: Example = {
     "serial": 1,
     "failsafe": "unverified",
     "heartbeat_age_s": 0.1,
+    "boot": {
+        "complete": True,
+        "took_s": 0.21,
+        "steps": [
+            {
+                "name": "heartbeats",
+                "state": "done",
+                "compared": 3,
+                "written": 1,
+                "changes": [
+                    {
+                        "index": "0x1017",
+                        "sub": 0,
+                        "name": "Producer heartbeat time",
+                        "axis": None,
+                        "old": 0,
+                        "new": 500,
+                        "unit": "ms",
+                    }
+                ],
+                "note": "Fail-safe: unverified.",
+                "reason": "",
+                "remedy": "",
+                "took_s": 0.004,
+            }
+        ],
+    },
     "axes": [{"axis": 0, "name": "x", "unit": "steps", "path": "/api/v1/nodes/1/axes/0"}],
     "counters": {"heartbeats": 12},
 }
@@ -139,7 +194,8 @@ STOP_REPORT: Example = {
     "axes": [{"node": 1, "axis": 0, "outcome": "stopped", "message": "Axis x stands."}],
 }
 LIVE: Example = {"status": "alive"}
-READY: Example = {"ready": False, "reasons": ["Node 1 (stage) is absent."]}
+READY: Example = {"ready": False, "reasons": ["Node 1 (stage) is absent."], "warnings": []}
+TICKET: Example = {"ticket": "Q2lyY3VsYXIgZG9vcnMgYXJlIHJhcmUu", "role": "read", "expires_in_s": 30.0}
 SERVICE: Example = {"name": "canaxis", "version": "0.1.0", "links": {"nodes": "/api/v1/nodes"}}
 PROBLEM_TYPE: Example = {
     "type": "/problems/not-ready",

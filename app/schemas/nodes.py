@@ -30,6 +30,40 @@ class AxisName(Reply):
     path: str
 
 
+class ChangeReply(Reply):
+    """An object that held something else than it should, and was written."""
+
+    index: str = Field(description="Object index, hexadecimal.")
+    sub: int
+    name: str
+    axis: int | None = Field(description="None: the object is the node's.")
+    old: int | None = Field(description="In `unit`; None if it could not be read.")
+    new: int = Field(description="In `unit`; written and read back.")
+    unit: str = Field(description="Empty for a plain number.")
+
+
+class BootStepReply(Reply):
+    """One step of a boot-up."""
+
+    name: str = Field(description="identity, axes, heartbeats, parameters, pdos, start, status")
+    state: str = Field(description="pending, running, done, failed, skipped")
+    compared: int = Field(description="Objects held against what they should be.")
+    written: int = Field(description="Objects that differed, were written, and read back.")
+    changes: list[ChangeReply] = Field(description="The first 64 of those.")
+    note: str = Field(description="What was found.")
+    reason: str = Field(description="Why it failed.")
+    remedy: str = Field(description="What to do about that.")
+    took_s: float | None = Field(description="Seconds; None until it has ended.")
+
+
+class BootReply(Reply):
+    """The node's last boot-up (CiA 302): compared first, only the differences written."""
+
+    complete: bool = Field(description="Whether every step was done or had nothing to do.")
+    took_s: float = Field(description="Seconds that the steps took so far.")
+    steps: list[BootStepReply]
+
+
 class NodeReply(Reply):
     """One module."""
 
@@ -42,7 +76,7 @@ class NodeReply(Reply):
         description="absent, booted, identified, configured, operational, lost, refused, duplicate"
     )
     reason: str = Field(description="Why it is in this state; empty when all is well.")
-    nmt_state: str | None = Field(description="As its last heartbeat said.")
+    nmt_state: str | None = Field(description="As its last heartbeat or its status PDOs said.")
     identity: IdentityReply | None
     device_name: str
     hardware_version: str
@@ -50,6 +84,7 @@ class NodeReply(Reply):
     serial: int | None
     failsafe: str = Field(description="Whether it stops its motors without us: verified, unverified or off.")
     heartbeat_age_s: float | None
+    boot: BootReply
     axes: list[AxisName]
     counters: dict[str, Any]
 

@@ -76,6 +76,17 @@ class ReadyReply(Reply):
 
     ready: bool
     reasons: list[str]
+    warnings: list[str] = Field(description="What does not prevent commands, but should be put right.")
+
+
+class TicketReply(Reply):
+    """What opens one stream, once."""
+
+    model_config = examples.shown(examples.TICKET)
+
+    ticket: str = Field(description="For the query parameter `ticket` of a stream.")
+    role: str = Field(description="read, stop, move or configure: that of the token it was asked with.")
+    expires_in_s: float
 
 
 class ServiceReply(Reply):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -87,14 +87,22 @@ class Bus(Protocol):
         """Stop reading, flush what can be flushed within 100 ms, close. Idempotent."""
         ...
 
-    def send(self, frame: Frame, *, urgent: bool = False) -> None:
+    def send(self, frame: Frame, *, urgent: bool = False, answered: bool = True) -> None:
         """Hand a frame to the wire without blocking.
 
         `urgent` frames (stop, quick stop, heartbeat, NMT) overtake whatever waits in the transmit queue and
-        have a reserve of their own in it. A frame that can't leave within a quarter of a second is dropped
-        and counted: an old set point must not move a motor when the wire comes back. Raises
-        `drivers.errors.BusDown` if the state can't send, `drivers.errors.BusOverflow` if the queue is full,
-        and `drivers.errors.BadValue` for what no controller can send.
+        have a reserve of their own in it. After one that is `answered`, what arrives is handed over at once;
+        a heartbeat is not, so that a stream goes on being read in batches. A frame that can't leave within a
+        quarter of a second is dropped and counted: an old set point must not move a motor when the wire comes
+        back. Raises `drivers.errors.BusDown` if the state can't send, `drivers.errors.BusOverflow` if the
+        queue is full, and `drivers.errors.BadValue` for what no controller can send.
+        """
+        ...
+
+    def withdraw(self, cob_ids: Collection[int]) -> int:
+        """Take back what waits in the transmit queue with one of these identifiers; how many frames.
+
+        For what is superseded: the last set point is the one that counts, and after a stop none does.
         """
         ...
 

@@ -6,7 +6,7 @@ It lives on the running loop's clock, so on a virtual clock a whole bus is deter
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 from drivers.bus.base import BusCounters, BusState, FrameHandler, StateHandler
 from drivers.bus.faults import Faults
@@ -53,16 +53,20 @@ class MemoryWire:
     Each port sends its own frames in the order in which it was given them (urgent ones first), as the queue
     of a network interface does; among the ports the lowest identifier wins. With a `bit_rate` (bit/s) one
     frame after the other takes its time on the wire; without, all that waits goes out at the loop's next
-    turn.
+    turn. With a `lead` (seconds) a frame may arrive that much before its end: where other processes are on
+    the wire, so that a loop's timers, which are late by up to a millisecond, don't slow every answer down.
+    The rate is kept all the same.
     """
 
-    def __init__(self, *, bit_rate: int | None = None) -> None:
+    def __init__(self, *, bit_rate: int | None = None, lead: float = 0.0) -> None:
         if bit_rate is not None and bit_rate <= 0:
             raise BadValue(
                 f"a bit rate of {bit_rate} bit/s carries nothing", hint="Give 1000000, or none at all."
             )
         self.faults = Faults()
         self._bit_rate = bit_rate
+        self._lead = lead
+        self._free_at = 0.0
         self._ports: tuple[MemoryBus, ...] = ()
         self._taps: tuple[Tap, ...] = ()
         self._timer: asyncio.Handle | None = None
@@ -107,7 +111,8 @@ class MemoryWire:
             return
         loop = asyncio.get_running_loop()
         # The winner is chosen a turn later, so that all who start in this turn take part in the arbitration.
-        self._timer = loop.call_soon(self._flush if self._bit_rate is None else self._carry, loop.time())
+        start = max(loop.time(), self._free_at)
+        self._timer = loop.call_soon(self._flush if self._bit_rate is None else self._carry, start)
 
     # --- the wire at work
 
@@ -144,7 +149,8 @@ class MemoryWire:
         winner = self._take_winner(start)
         if winner is not None and self._bit_rate is not None:
             end = start + frame_bits(winner[1]) / self._bit_rate
-            self._timer = asyncio.get_running_loop().call_at(end, self._end, end, *winner)
+            self._free_at = end
+            self._timer = asyncio.get_running_loop().call_at(end - self._lead, self._end, end, *winner)
 
     def _end(self, due: float, port: MemoryBus, frame: Frame) -> None:
         """The frame has crossed. A loop's timers are late by up to a millisecond, ten frames at 1 Mbit/s.
@@ -239,8 +245,13 @@ class MemoryBus:
         self._outbox.clear()
         self._change(BusState.CLOSED, f"{self._name} is closed")
 
-    def send(self, frame: Frame, *, urgent: bool = False) -> None:
+    def withdraw(self, cob_ids: Collection[int]) -> int:
+        """See `Bus.withdraw`."""
+        return self._outbox.withdraw(cob_ids)
+
+    def send(self, frame: Frame, *, urgent: bool = False, answered: bool = True) -> None:
         """See `Bus.send`. Raises `BadValue` for what no controller can send."""
+        del answered  # what arrives is handed over at once in any case
         if not self._state.can_send:
             raise BusDown(f"{self._name} is {self._state.value.replace('_', '-')}: the frame was not sent")
         if (

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Collection
 
 from drivers.bus.frame import Frame
 
@@ -51,6 +52,17 @@ class Outbox:
     def pop(self) -> None:
         """The foremost frame has left."""
         (self._urgent or self._ordinary).popleft()
+
+    def withdraw(self, cob_ids: Collection[int]) -> int:
+        """Drop what waits with one of these identifiers; how many frames that were."""
+        withdrawn = 0
+        for queue in (self._urgent, self._ordinary):
+            kept = [entry for entry in queue if entry[1].cob_id not in cob_ids]
+            if len(kept) < len(queue):
+                withdrawn += len(queue) - len(kept)
+                queue.clear()
+                queue.extend(kept)
+        return withdrawn
 
     def clear(self) -> None:
         """Drop all that waits."""

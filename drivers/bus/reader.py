@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import threading
 from collections.abc import Callable, Sequence
 from typing import Protocol
@@ -11,6 +12,14 @@ from drivers.bus.frame import Frame
 
 BATCH = 256
 """Frames taken at most at one wake-up, so that a flood leaves the loop its turn."""
+REST = (0.001, 0.004)
+"""Seconds, at least and at most, between two looks while frames stream in."""
+WORTH = 24
+"""Frames that a look at a stream should find; the rest before it is chosen accordingly."""
+STREAM = 0.002
+"""Frames that follow each other within so many seconds are a stream."""
+HURRY = 0.003
+"""Seconds after something was sent in which nothing that arrives waits for the next look."""
 OVERRUN = 16_384
 """Frames that a reader thread holds at most while the loop is busy; more are dropped and counted."""
 WAITING = 0.1
@@ -28,8 +37,11 @@ class Source(Protocol):
         """One frame, or None if none came within `timeout` seconds. Raises `Lost`."""
         ...
 
-    def look_for_end(self) -> None:
-        """Raise `Lost` if the other side ended the connection. Asked when nothing is left to receive."""
+    def drain(self, into: list[Frame], limit: int) -> None:
+        """Append the frames that are here, at most `limit` of them. Never waits.
+
+        Raises `Lost`, after appending what came before, also if the other side ended the connection.
+        """
         ...
 
 
@@ -43,13 +55,20 @@ class Reader(Protocol):
     overrun: int
     """Frames dropped because the loop was too busy to take them."""
 
+    def expect_answer(self) -> None:
+        """Something was sent: for a while, hand over at once what arrives."""
+        ...
+
     def stop(self) -> None:
         """Hand over nothing more. Called in the loop's thread."""
         ...
 
 
 class DescriptorReader:
-    """Drains the source whenever the event loop sees that its descriptor is readable.
+    """Drains the source when its descriptor is readable, but rests between two looks at a stream.
+
+    A wake-up costs the loop as much as several frames, so each should find several. A frame that comes alone,
+    or within `HURRY` after something was sent, is handed over at once: an answer never waits.
 
     Raises `NotImplementedError` where the loop can't watch descriptors.
     """
@@ -61,36 +80,77 @@ class DescriptorReader:
         self._on_frames = on_frames
         self._on_lost = on_lost
         self._stopped = False
+        self._watching = False
+        self._next_look: asyncio.TimerHandle | None = None
+        self._rest = REST[0]
+        self._found_at = -math.inf
+        self._hurried_until = -math.inf
         self._loop = asyncio.get_running_loop()
-        self._loop.add_reader(descriptor, self._readable)
+        self._watch()
+
+    def expect_answer(self) -> None:
+        """See `Reader.expect_answer`."""
+        self._hurried_until = self._loop.time() + HURRY
+        if self._next_look is not None:
+            self._watch()
 
     def stop(self) -> None:
         """See `Reader.stop`."""
         if not self._stopped:
+            self._unwatch()
             self._stopped = True
-            self._loop.remove_reader(self._descriptor)
 
-    def _readable(self) -> None:
+    def _look(self) -> None:
         if self._stopped:
             return
         batch: list[Frame] = []
         lost: Lost | None = None
         try:
-            while len(batch) < BATCH:
-                frame = self._source.receive(0)
-                if frame is None:
-                    self._source.look_for_end()
-                    break
-                batch.append(frame)
+            self._source.drain(batch, BATCH)
         except Lost as error:
             lost = error
-        if len(batch) == BATCH:
-            # The source may have buffered more than the descriptor shows.
-            self._loop.call_soon(self._readable)
+        self._plan(len(batch))
         if batch:
             self._on_frames(batch)
         if lost is not None and not self._stopped:
             self._on_lost(str(lost))
+
+    def _plan(self, found: int) -> None:
+        """Choose what brings the next look."""
+        now = self._loop.time()
+        if self._watching:
+            streaming = found > 0 and now - self._found_at <= STREAM
+            self._rest = REST[0]
+        else:
+            streaming = found > 1
+            self._rest = min(max(self._rest * WORTH / max(1, found), REST[0]), REST[1])
+        if found:
+            self._found_at = now
+        if found == BATCH:  # the source may have buffered more than the descriptor shows
+            self._loop.call_soon(self._look)
+        elif streaming and now >= self._hurried_until:
+            self._unwatch()
+            self._next_look = self._loop.call_later(self._rest, self._look)
+        else:
+            self._watch()
+
+    def _watch(self) -> None:
+        """Look when the descriptor is readable."""
+        if self._next_look is not None:
+            self._next_look.cancel()
+            self._next_look = None
+        if not self._watching:
+            self._loop.add_reader(self._descriptor, self._look)
+            self._watching = True
+
+    def _unwatch(self) -> None:
+        """Don't look, whatever arrives."""
+        if self._next_look is not None:
+            self._next_look.cancel()
+            self._next_look = None
+        if self._watching:
+            self._loop.remove_reader(self._descriptor)
+            self._watching = False
 
 
 class ThreadReader:
@@ -109,6 +169,9 @@ class ThreadReader:
         self._lost: Lost | None = None
         self._thread = threading.Thread(target=self._read, name="can reader", daemon=True)
         self._thread.start()
+
+    def expect_answer(self) -> None:
+        """See `Reader.expect_answer`: the thread never lets anything wait."""
 
     def stop(self) -> None:
         """See `Reader.stop`. The thread ends within `WAITING`."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Collection, Sequence
 from typing import Protocol
 
 from drivers.bus.base import BusCounters, BusState, FrameHandler, StateHandler
@@ -190,13 +190,19 @@ class SupervisedBus:
 
     # --- send
 
-    def send(self, frame: Frame, *, urgent: bool = False) -> None:
+    def withdraw(self, cob_ids: Collection[int]) -> int:
+        """See `Bus.withdraw`."""
+        return self._outbox.withdraw(cob_ids)
+
+    def send(self, frame: Frame, *, urgent: bool = False, answered: bool = True) -> None:
         """See `Bus.send`. Raises `BadValue` for what no controller can send."""
         link = self._link
         if link is None or not self._state.can_send:
             raise BusDown(f"{self.name} is {self._state.value.replace('_', '-')}: the frame was not sent")
         if not frame.is_sendable:
             raise BadValue(f"{frame} is no frame that a controller can send")
+        if answered and self._reader is not None:
+            self._reader.expect_answer()
         overtakes = not self._outbox or (urgent and not self._outbox.holds_urgent)
         if overtakes and self._write(link, frame):
             return
@@ -237,6 +243,8 @@ class SupervisedBus:
                 break
             self._outbox.pop()
             left += 1
+        if left and self._reader is not None:
+            self._reader.expect_answer()
         return left
 
 

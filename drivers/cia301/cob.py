@@ -20,8 +20,9 @@ LSS_REQUEST: Final = 0x7E5
 MAX_NODE_ID: Final = 127
 MAX_COB_ID: Final = 0x7FF
 
+NO_RTR: Final = 1 << 30
+"""In sub-index 1 of a PDO communication record: the PDO can't be asked for by a remote frame."""
 _NOT_VALID: Final = 1 << 31
-_NO_RTR: Final = 1 << 30
 _EXTENDED: Final = 1 << 29
 
 
@@ -147,10 +148,10 @@ class PdoCobId(NamedTuple):
         if not 0 <= self.cob_id < _EXTENDED:
             raise ValueError(f"COB-ID {self.cob_id:X}h has more than 29 bits")
         frame = _EXTENDED if self.cob_id > MAX_COB_ID else 0
-        return self.cob_id | frame | (0 if self.valid else _NOT_VALID) | (0 if self.rtr_allowed else _NO_RTR)
+        return self.cob_id | frame | (0 if self.valid else _NOT_VALID) | (0 if self.rtr_allowed else NO_RTR)
 
     @classmethod
     def decode(cls, value: int) -> PdoCobId:
         """From the UNSIGNED32 of the object; the 11-bit part only, unless bit 29 is set."""
         mask = _EXTENDED - 1 if value & _EXTENDED else MAX_COB_ID
-        return cls(value & mask, valid=not value & _NOT_VALID, rtr_allowed=not value & _NO_RTR)
+        return cls(value & mask, valid=not value & _NOT_VALID, rtr_allowed=not value & NO_RTR)

@@ -28,7 +28,7 @@ _FORMATS: Final = {
 
 
 class PdoLengthError(ValueError):
-    """A PDO carries fewer bytes than are mapped."""
+    """A PDO carries fewer or more bytes than are mapped."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,10 +76,16 @@ class PdoMapping:
             raise CodecError(f"{tuple(values)} does not fit {names or 'an empty PDO'}: {error}") from error
 
     def unpack(self, data: bytes) -> tuple[int, ...]:
-        """The values in `data`, whose further bytes are left alone. PdoLengthError if it is too short."""
-        if len(data) < self._packing.size:
-            raise PdoLengthError(f"{len(data)} bytes came where {self._packing.size} are mapped")
-        return self._packing.unpack_from(data)
+        """The values in `data`. PdoLengthError unless it has exactly `size` bytes.
+
+        CiA 301 lets a receiver take the beginning of a longer one. But a length that isn't mapped means that
+        somebody else sends under this identifier, or that the sender holds another mapping: its bytes mean
+        something else.
+        """
+        try:
+            return self._packing.unpack(data)
+        except struct.error:
+            raise PdoLengthError(f"{len(data)} bytes came where {self._packing.size} are mapped") from None
 
 
 class TransmissionType:

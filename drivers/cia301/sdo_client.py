@@ -70,6 +70,7 @@ class Ignored:
 
 
 Step: TypeAlias = Send | Done | Aborted | Violation | Ignored
+_ENDS: Final = (Done, Aborted, Violation)
 
 # Server command specifiers, the top three bits of byte 0.
 _UPLOAD_SEGMENT: Final = 0
@@ -89,6 +90,7 @@ class SdoTransfer(abc.ABC):
 
     def __init__(self, address: Address) -> None:
         self.address = address
+        self._multiplexer = multiplexer(address)
         self._segmented = False
         self._finished = False
         self._toggle = 0
@@ -102,6 +104,12 @@ class SdoTransfer(abc.ABC):
         """Whether `Done`, `Aborted` or `Violation` was given; all that is fed later is `Ignored`."""
         return self._finished
 
+    def could_take_answer_to(self, other: SdoTransfer) -> bool:
+        """Whether a late answer to `other` could pass for one to this: the object is the same, or, where the
+        segments of `other` had begun, the answer says of no object.
+        """
+        return other._segmented or other.address == self.address
+
     def abort_frame(self, code: int = AbortCode.TIMED_OUT) -> bytes:
         """The frame that tells the server to forget this transfer."""
         return abort_frame(self.address, code)
@@ -114,13 +122,12 @@ class SdoTransfer(abc.ABC):
             return Ignored(f"an SDO frame has 8 bytes, not {len(data)}")
         command = data[0] >> 5
         step = self._feed_segment(data) if command in _SEGMENTS else self._feed_addressed(command, data)
-        self._finished = isinstance(step, Done | Aborted | Violation)
+        self._finished = isinstance(step, _ENDS)
         return step
 
     def _feed_addressed(self, command: int, data: bytes) -> Step:
-        address = address_in(data)
-        if address != self.address:
-            return Ignored(f"an answer about {address} while {self.address} is awaited")
+        if data[1:4] != self._multiplexer:
+            return Ignored(f"an answer about {address_in(data)} while {self.address} is awaited")
         if command == _ABORT:
             return Aborted(int.from_bytes(data[4:], "little"))
         if command in _NEVER_ASKED_FOR:
@@ -165,7 +172,7 @@ class SdoUpload(SdoTransfer):
 
     def request(self) -> bytes:
         """40h, index, sub."""
-        return b"\x40" + multiplexer(self.address) + bytes(4)
+        return b"\x40" + self._multiplexer + b"\0\0\0\0"
 
     def _on_initiate(self, data: bytes) -> Step:
         expedited, sized = data[0] & 0x02, bool(data[0] & 0x01)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import struct
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
@@ -103,14 +104,17 @@ class SdoAbort(Exception):
         self.code = code
 
 
+_MULTIPLEXER: Final = struct.Struct("<HB")
+
+
 def multiplexer(address: Address) -> bytes:
     """Index and sub-index as bytes 1 to 3 of a frame."""
-    return address.index.to_bytes(2, "little") + bytes((address.sub,))
+    return _MULTIPLEXER.pack(*address)
 
 
 def address_in(data: bytes) -> Address:
     """Index and sub-index in bytes 1 to 3 of a frame that carries them."""
-    return Address(int.from_bytes(data[1:3], "little"), data[3])
+    return Address(*_MULTIPLEXER.unpack_from(data, 1))
 
 
 def abort_frame(address: Address, code: int) -> bytes:

@@ -53,6 +53,15 @@ class Catalog:
 
 def load_profile(folder: Traversable) -> DeviceProfile:
     """One module from its folder of TOML files. Raises DataError."""
+    try:
+        return _read_profile(folder)
+    except DataError:
+        raise
+    except (LookupError, TypeError, ValueError) as error:  # of what is made of the tables' values
+        raise DataError(f"{folder.name}: {error}") from error
+
+
+def _read_profile(folder: Traversable) -> DeviceProfile:
     device = _read(folder.joinpath(_DEVICE)).table("device")
     if device is None:
         raise DataError(f"{folder.name}/{_DEVICE} has no table [device]")
@@ -89,7 +98,10 @@ def _all_objects(folder: Traversable, layout: AxisLayout) -> Iterator[ObjectSpec
 
 
 def _read(file: Traversable) -> Table:
-    return Table(tomllib.loads(file.read_text(encoding="utf-8")), file.name)
+    try:
+        return Table(tomllib.loads(file.read_text(encoding="utf-8")), file.name)
+    except (OSError, ValueError, RecursionError) as error:  # TOML's and UTF-8's errors are ValueErrors
+        raise DataError(f"{file.name}: {error}") from error
 
 
 def _data_folder() -> Traversable:

@@ -13,6 +13,8 @@ from drivers.devices.profile import Access, ObjectKind, ObjectSpec, StoreGroup
 from drivers.devices.tables import DataError, Table
 
 _TYPES = {data_type.short: data_type for data_type in DataType}
+_LONGEST_RUN = 0x1_0000
+"""Values that one key of ``allowed`` may stand for: each takes a place in memory."""
 
 
 def read_objects(file: Table, layout: AxisLayout) -> Iterator[ObjectSpec]:
@@ -24,7 +26,7 @@ def read_objects(file: Table, layout: AxisLayout) -> Iterator[ObjectSpec]:
     Keys of an entry: type, access, range, allowed, default, printed, default_of_further_axes, node_relative,
     mapping_entry, mappable, unit, stored, writable_in.
     """
-    scope = Scope(file.text("scope"))
+    scope = file.word("scope", Scope)
     for content in file.raw_tables("object"):
         copies = content.get("copies", 1)
         if not isinstance(copies, int):
@@ -61,7 +63,7 @@ class _Expansion:
         if axis is not None and scope is Scope.PDO:
             self._name = self._name.format(n=layout.pdo_number(copy + 1, axis))
         self._section = table.text("section")
-        self._kind = ObjectKind(table.text("kind", "var"))
+        self._kind = table.word("kind", ObjectKind, ObjectKind.VAR)
         self._description = table.text("description")
         self._note = table.text("note", "")
         table.integer("copies", 1)
@@ -96,8 +98,8 @@ class _Expansion:
             name=name,
             object_name=self._name,
             kind=self._kind,
-            type=_TYPES[table.text("type")],
-            access=Access(table.text("access")),
+            type=_type(table),
+            access=table.word("access", Access),
             scope=self._scope,
             section=self._section,
             mappable=table.flag("mappable"),
@@ -130,6 +132,13 @@ class _Expansion:
         return default, printed, node_relative
 
 
+def _type(table: Table) -> DataType:
+    name = table.text("type")
+    if name not in _TYPES:
+        raise DataError(f"{table.where}: there is no type {name!r}; there are {', '.join(_TYPES)}")
+    return _TYPES[name]
+
+
 def _range(table: Table, allowed: Mapping[int, str] | None) -> tuple[int | None, int | None]:
     limits = table.integers("range")
     if not limits:
@@ -148,7 +157,13 @@ def _allowed(table: Table) -> Mapping[int, str] | None:
     for key in labels.names():
         first, _, last = key.partition("..")
         label = labels.text(key)
-        for value in range(int(first), int(last or first) + 1):
+        try:
+            run = range(int(first), int(last or first) + 1)
+        except ValueError:
+            raise DataError(f"{labels.where}: {key!r} is no number and no run of numbers") from None
+        if len(run) > _LONGEST_RUN:
+            raise DataError(f"{labels.where}: {key!r} is a run of more than {_LONGEST_RUN} numbers")
+        for value in run:
             if value in values:
                 raise DataError(f"{labels.where}: {value} stands there twice")
             values[value] = label

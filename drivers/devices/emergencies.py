@@ -118,7 +118,10 @@ def read_emergencies(file: Table, axes: int) -> EmergencyTable:
     register_note = file.text("register_note")
     rows = tuple(_read_row(table, register_note) for table in file.tables("emergency"))
     file.close()
-    return EmergencyTable(rows, axes)
+    try:
+        return EmergencyTable(rows, axes)
+    except ValueError as error:
+        raise DataError(f"{file.where}: {error}") from error
 
 
 def _read_row(table: Table, register_note: str) -> EmergencyRow:
@@ -132,7 +135,7 @@ def _read_row(table: Table, register_note: str) -> EmergencyRow:
         title=table.text("title"),
         cause=table.text("cause"),
         remedy=table.text("remedy"),
-        severity=Severity(table.text("severity")),
+        severity=table.word("severity", Severity),
         register=table.integer("register"),
         per_axis=place == "axis",
         note=" ".join(part for part in (table.text("note", ""), register_note) if part),

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from enum import StrEnum
 from typing import TypeVar, cast
 
 _T = TypeVar("_T")
+_E = TypeVar("_E", bound=StrEnum)
 
 
 class DataError(ValueError):
@@ -26,6 +28,14 @@ class Table:
     def integer(self, key: str, default: int | None = None) -> int:
         """An integer."""
         return self._required(key, int, default)
+
+    def word(self, key: str, words: type[_E], default: _E | None = None) -> _E:
+        """A string that is one of `words`."""
+        value = self._required(key, str, default)
+        try:
+            return words(value)
+        except ValueError:
+            raise self._error(f"{key} is {value!r}, which is none of {', '.join(words)}") from None
 
     def flag(self, key: str) -> bool:
         """A boolean; false if absent."""

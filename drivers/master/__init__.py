@@ -6,13 +6,14 @@ from drivers.master.axis import Axis
 from drivers.master.config import AxisConfig, NetworkConfig, NodeConfig
 from drivers.master.emergencies import EmergencyRecord
 from drivers.master.events import Event, EventHub, Subscription
-from drivers.master.motion import Motion, MotionCancelled, MotionKind, MotionState
+from drivers.master.motion import Motion, MotionCancelled, MotionKind, MotionState, Undertaking
 from drivers.master.network import Network
 from drivers.master.node import Node
 from drivers.master.readiness import AxisCommand
 from drivers.master.requests import HomeRequest, MoveRequest, VelocityRequest
 from drivers.master.sdo_client import Priority
 from drivers.master.status import (
+    Adoption,
     AxisStatus,
     AxisStop,
     BusStatus,
@@ -20,6 +21,7 @@ from drivers.master.status import (
     Identity,
     NodeState,
     NodeStatus,
+    Reference,
     StopLatch,
     StopOutcome,
     StopReport,
@@ -28,6 +30,7 @@ from drivers.master.status import (
 from drivers.master.timing import Timing
 
 __all__ = [
+    "Adoption",
     "Axis",
     "AxisCommand",
     "AxisConfig",
@@ -52,11 +55,13 @@ __all__ = [
     "NodeState",
     "NodeStatus",
     "Priority",
+    "Reference",
     "StopLatch",
     "StopOutcome",
     "StopReport",
     "Subscription",
     "Switches",
     "Timing",
+    "Undertaking",
     "VelocityRequest",
 ]

@@ -18,22 +18,24 @@ from drivers.devices.emergencies import Severity
 from drivers.errors import (
     BadValue,
     CanaxisError,
+    MotionFailed,
     NodeAway,
     Obstacle,
 )
 from drivers.master import positioning, power, referencing, speed, stopping
 from drivers.master.activity import Activity
-from drivers.master.axis_setup import AxisSetup
+from drivers.master.axis_setup import AxisSetup, Found
 from drivers.master.axis_tools import AxisTools, DriveParameters
 from drivers.master.config import AxisConfig
+from drivers.master.confirmation import contradiction
 from drivers.master.drive import Drive
 from drivers.master.emergencies import EmergencyRecord
 from drivers.master.errands import ErrandName
-from drivers.master.motion import Motion, MotionKind, Result
+from drivers.master.motion import Motion, MotionKind, Result, Undertaking
 from drivers.master.pdo_plan import AxisPdos
 from drivers.master.readiness import AxisCommand, obstacles, refusal
 from drivers.master.requests import HomeRequest, MoveRequest, Request, VelocityRequest
-from drivers.master.status import AxisStatus, NodeState
+from drivers.master.status import Adoption, AxisStatus, NodeState, Reference
 
 if TYPE_CHECKING:
     from drivers.master.node import Node
@@ -52,17 +54,22 @@ class Axis:
         self.pdos = pdos
         self.backbone = node.backbone
         timing = self.backbone.timing
-        self.adopted = False
-        """Whether the axis was found enabled or moving, and nobody has claimed it by `enable` yet."""
         self._owes_stop = False
         """Whether it was out of reach since it was commanded, so that it must stand before anything else."""
         self._drive = Drive(
-            pdos, self.backbone.send, timing, node.counters, self._on_status, self._on_silence
+            pdos,
+            node.command,
+            node.backbone.withdraw,
+            timing,
+            node.counters,
+            self._on_status,
+            self._on_silence,
         )
         parameters = DriveParameters(node.objects, number)
         self._tools = AxisTools(node.node_id, number, config, timing, self._drive, node.objects, parameters)
+        self._confirming: asyncio.Task[None] | None = None
         self._activity = Activity(self._tools, self.backbone.report_bug)
-        self.setup = AxisSetup(self._tools)
+        self.setup = AxisSetup(self._tools, node.establisher)
 
     # --- what it is and does ---
 
@@ -70,6 +77,11 @@ class Axis:
     def status(self) -> AxisStatus:
         """The last snapshot. It ages: see `AxisStatus.stale` and `age`."""
         return self._drive.status
+
+    @property
+    def adopted(self) -> bool:
+        """Whether nobody here has enabled it though it is, or was found, enabled or turning."""
+        return self.status.adopted is not None
 
     @property
     def motion(self) -> Motion | None:
@@ -88,6 +100,11 @@ class Axis:
         """Seconds since the older of the two status TPDOs came; None: never."""
         updated = self.status.updated
         return None if math.isinf(updated) else asyncio.get_running_loop().time() - updated
+
+    @property
+    def heard_at(self) -> float | None:
+        """Loop time of the last status TPDO; None: none since the node's last boot-up."""
+        return self._drive.heard_at
 
     def readiness(self, command: AxisCommand | str) -> tuple[Obstacle, ...]:
         """Everything that prevents a command now, each with its remedy.
@@ -109,9 +126,13 @@ class Axis:
     async def disable(self) -> None:
         """Ramp down, wait for standstill, then to SWITCH_ON_DISABLED. The motor holds no torque afterwards.
 
-        Always allowed while the node can be reached; ends what runs. Raises `NodeAway`, `TransitionTimeout`.
+        Always allowed while the node can be reached; ends what runs. An axis that can't be seen to stand is
+        not switched off: it is told to stop, as far as the bus takes that, and the refusal is raised. Raises
+        `NodeAway`, `TransitionTimeout`.
         """
-        self._require(AxisCommand.DISABLE)
+        if found := obstacles(self, AxisCommand.DISABLE):
+            self.begin_stop("The axis was to be disabled.")
+            raise refusal(self, AxisCommand.DISABLE, found)
         self._begin_disable("The axis was disabled.")
         await self._activity.join()
 
@@ -121,7 +142,7 @@ class Axis:
         Raises `AxisFault`.
         """
         self._require(AxisCommand.RESET_FAULT)
-        if self._activity.coming_to_rest:
+        while self._activity.coming_to_rest:  # another one may follow the first
             with contextlib.suppress(CanaxisError):  # said to whoever asked for it
                 await self._activity.join()
             self._require(AxisCommand.RESET_FAULT)
@@ -139,7 +160,7 @@ class Axis:
         was sent all the same if the bus could), `MotionTimeout`, `TransitionTimeout`.
         """
         self.begin_stop(reason)
-        if self.node.state is NodeState.OPERATIONAL:
+        if self.node.takes_pdo_commands:
             await self._activity.join_rest()
         elif self.node.takes_sdo_commands:
             await stopping.stop_by_sdo(self._tools)
@@ -153,7 +174,7 @@ class Axis:
             return
         self._activity.give_way("a stop")
         stopping.begin(self._tools)
-        if self.node.state is NodeState.OPERATIONAL:
+        if self.node.takes_pdo_commands:
             self._activity.begin(ErrandName.STOPPING, stopping.come_to_rest(self._tools))
 
     async def quick_stop(self) -> None:
@@ -166,14 +187,17 @@ class Axis:
         if self.errand is not ErrandName.QUICK_STOPPING:
             self._activity.give_way("a quick stop")
             stopping.begin_quick_stop(self._tools)
-            if self.node.state is not NodeState.OPERATIONAL:
-                raise self._away("It can't be told to stop")
+            if not self.node.takes_pdo_commands:
+                if not self.node.takes_sdo_commands:
+                    raise self._away("It can't be told to stop")
+                await stopping.quick_stop_by_sdo(self._tools)
+                return
             self._activity.begin(ErrandName.QUICK_STOPPING, stopping.finish_quick_stop(self._tools))
         await self._activity.join()
 
     # --- motions ---
 
-    def move_to(self, request: MoveRequest) -> Motion:
+    def move_to(self, request: MoveRequest, *, undertaking_id: str | None = None) -> Motion:
         """Begin a move in profile position mode.
 
         Raises, before a frame is sent, `BadValue`, `NotReady`, `AxisBusy`, `StopLatched` or `NodeAway`.
@@ -184,10 +208,13 @@ class Axis:
         )
         self._require(AxisCommand.MOVE, absolute=not request.relative)
         return self._start(
-            MotionKind.MOVE, request, lambda motion: positioning.move(self._tools, request, motion)
+            MotionKind.MOVE,
+            request,
+            lambda motion: positioning.move(self._tools, request, motion),
+            undertaking_id,
         )
 
-    def run_at(self, request: VelocityRequest) -> Motion:
+    def run_at(self, request: VelocityRequest, *, undertaking_id: str | None = None) -> Motion:
         """Begin to turn at a velocity; replaces a velocity that is being reached.
 
         Raises as `move_to` does.
@@ -197,10 +224,13 @@ class Axis:
             self._activity.cancel_motion("Another velocity replaced it.")
             self._activity.give_way("another velocity")
         return self._start(
-            MotionKind.VELOCITY, request, lambda motion: speed.run(self._tools, request, motion)
+            MotionKind.VELOCITY,
+            request,
+            lambda motion: speed.run(self._tools, request, motion),
+            undertaking_id,
         )
 
-    def home(self, request: HomeRequest) -> Motion:
+    def home(self, request: HomeRequest, *, undertaking_id: str | None = None) -> Motion:
         """Begin a homing. Raises as `move_to` does."""
         method = self.config.homing_method if request.method is None else request.method
         known = self.node.profile.homing_methods
@@ -212,7 +242,10 @@ class Axis:
             )
         self._require(AxisCommand.HOME, method=method)
         return self._start(
-            MotionKind.HOME, request, lambda motion: referencing.home(self._tools, request, motion)
+            MotionKind.HOME,
+            request,
+            lambda motion: referencing.home(self._tools, request, motion),
+            undertaking_id,
         )
 
     # --- for the node ---
@@ -222,9 +255,17 @@ class Axis:
         add(self.pdos.status.cob_id, self._drive.on_status_pdo)
         add(self.pdos.motion.cob_id, self._drive.on_motion_pdo)
 
-    def seed(self, statusword: int, mode: int, position: int) -> None:
-        """What was read by SDO before PDOs flow."""
-        self._drive.seed(statusword, mode, position)
+    def seed(self, found: Found) -> None:
+        """What was read by SDO before anything is written or PDOs flow."""
+        self._drive.seed(*found)
+
+    def adopt(self, adoption: Adoption | None) -> None:
+        """The axis was found as it says and must be claimed; None: it needs no claim."""
+        self._drive.note_adoption(adoption)
+
+    def distrust_status(self) -> None:
+        """The status TPDOs carry something else from now on."""
+        self._drive.distrust()
 
     async def has_status(self, seconds: float) -> bool:
         """Wait until both status TPDOs have come."""
@@ -248,29 +289,41 @@ class Axis:
             self.begin_stop("The axis was out of reach after it had been commanded.")
         self._owes_stop = False
 
-    def forget(self) -> None:
+    def forget(self, *, reference_lost: bool) -> None:
         """The module started anew: no reference, no parameters, nothing commanded."""
-        self.adopted = False
         self._owes_stop = False
         self._tools.parameters.forget()
-        self._drive.note(referenced=False)
         self._drive.forget()
+        if reference_lost:
+            self._drive.note_reference(Reference.LOST)
 
     def lose(self) -> None:
         """The node is away: the status is old, and whether the reference holds is unknown."""
         self._owes_stop = self._owes_stop or self._drive.controlword is not None
         self._drive.unwatch()
         self._tools.parameters.forget()
-        self._drive.note(referenced=False)
+        if self.status.referenced:
+            self._drive.note_reference(Reference.UNKNOWN)
         self._drive.note_stale()
 
     def on_emergencies(self, active: tuple[EmergencyRecord, ...], newest: EmergencyRecord | None) -> None:
         """The node's emergencies changed; a new one that is a fault ends the motion."""
         self._drive.note_emergencies(active)
+        if self.motion is not None and newest is not None:
+            self.motion.evidence.note(newest)
         if self.motion is None or newest is None or newest.axis != self.number:
             return
         if newest.active and newest.severity is Severity.FAULT:
             self.interrupt(self._tools.fault(self.status), stop=self.status.state not in _FAULT_STATES)
+
+    def confirm(self, record: EmergencyRecord) -> None:
+        """The module lost messages: a motion goes on only if the drive shows what was commanded last."""
+        motion = self.motion
+        if motion is None or motion.started is None or self._confirming is not None:
+            return  # nothing was commanded yet, or it is being looked at
+        self._confirming = asyncio.create_task(
+            self._confirm(motion, record), name=f"{self.name}: confirmation"
+        )
 
     def parameter_written(self, index: int, sub: int) -> None:
         """Somebody wrote an object past the commands."""
@@ -289,11 +342,35 @@ class Axis:
 
     async def close(self) -> None:
         """End every task."""
+        if self._confirming is not None:
+            self._confirming.cancel()
+            await asyncio.wait({self._confirming})
         self._drive.unwatch()
         self._activity.cancel_motion("The network is being closed.")
         await self._activity.close(self._away("The network is being closed"))
 
     # --- inside ---
+
+    async def _confirm(self, motion: Motion, record: EmergencyRecord) -> None:
+        try:
+            wrong = await contradiction(self._tools)
+        except CanaxisError as error:
+            wrong = f"it could not be asked: {error.message}"
+        except Exception as bug:
+            self.backbone.report_bug(bug)
+            return
+        finally:
+            self._confirming = None
+        if wrong and self.motion is motion:
+            self.interrupt(
+                MotionFailed(
+                    f"Node {self.node.name} reported {record.title} ({record.code:04X}h) during the motion, "
+                    f"and what was commanded last is unconfirmed: {wrong}. A stop was sent.",
+                    hint=record.remedy,
+                    **self._tools.where,
+                ),
+                stop=True,
+            )
 
     def _require(self, command: AxisCommand, *, absolute: bool = True, method: int | None = None) -> None:
         found = obstacles(self, command, absolute=absolute, method=method)
@@ -313,7 +390,7 @@ class Axis:
                 stopping.begin(self._tools)
                 await stopping.come_to_rest(self._tools)
             await self.setup.claim()
-            self.adopted = False
+            self._drive.note_adoption(None)
         await power.enable(self._tools)
 
     def _begin_disable(self, reason: str) -> None:
@@ -329,9 +406,13 @@ class Axis:
         await power.disable(self._tools)
 
     def _start(
-        self, kind: MotionKind, request: Request, work: Callable[[Motion], Coroutine[object, object, Result]]
+        self,
+        kind: MotionKind,
+        request: Request,
+        work: Callable[[Motion], Coroutine[object, object, Result]],
+        undertaking_id: str | None,
     ) -> Motion:
-        motion = Motion(kind, self, request, self._on_motion)
+        motion = Motion(kind, self, request, self._on_motion, undertaking_id)
         self._on_motion(motion)
         self._activity.carry_out(motion, work)
         return motion
@@ -343,15 +424,17 @@ class Axis:
             **self._tools.where,
         )
 
-    def _on_motion(self, motion: Motion) -> None:
+    def _on_motion(self, motion: Undertaking) -> None:
         self.backbone.events.publish(
             "motion", node=self.node.node_id, axis=self.number, data={"motion": motion}
         )
 
     def _on_status(self, status: AxisStatus) -> None:
-        self.backbone.events.publish(
-            "axis", node=self.node.node_id, axis=self.number, data={"status": status}
-        )
+        if (motion := self.motion) is not None:
+            motion.evidence.see(self, status)
+        events = self.backbone.events
+        if events.is_wanted("axis"):
+            events.publish("axis", node=self.node.node_id, axis=self.number, data={"status": status})
 
     def _on_silence(self) -> None:
         """A status TPDO is overdue. `interrupt` lets a coming to rest go on."""

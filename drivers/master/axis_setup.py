@@ -1,4 +1,4 @@
-"""What an axis must hold before it may be used: safe options and ramps that are not zero, all read back.
+"""How an axis is found, and what it must hold before it may be used: safe options, ramps that are not zero.
 
 The order of the writes matters where the module compares two objects with each other (VSTOP with VSTART, one
 software limit with the other).
@@ -6,11 +6,14 @@ software limit with the other).
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from drivers.cia402 import objects
 from drivers.cia402.power import PowerState, Statusword, decode_state
 from drivers.errors import NotReady, Obstacle
 from drivers.master.axis_tools import AxisTools
 from drivers.master.config import INT32_MAX, INT32_MIN
+from drivers.master.establish import Establisher
 from drivers.master.sdo_client import Priority
 
 SWITCH_PARAMETERS = 0x2005
@@ -24,37 +27,52 @@ QUICK_STOP_RAMP_THEN_OFF = 2
 """605Ah: slow down with 6085h, then SWITCH_ON_DISABLED (manual §5.1.1)."""
 
 
+class Found(NamedTuple):
+    """An axis as an SDO reads it."""
+
+    statusword: int
+    """6041h"""
+    mode: int
+    """6061h"""
+    position: int
+    """6064h, steps"""
+    velocity: int
+    """606Ch, steps/s"""
+
+
 class AxisSetup:
-    """Configures one axis by SDO.
+    """Looks at and configures one axis by SDO; only what differs is written, and read back.
 
     Raises `ConfigurationRefused` with what differs, and `SdoError`, `BusError`.
     """
 
-    def __init__(self, tools: AxisTools) -> None:
+    def __init__(self, tools: AxisTools, establisher: Establisher) -> None:
         self._tools = tools
+        self._establisher = establisher
 
-    async def look(self) -> tuple[int, int, int]:
-        """Statusword, mode and position, as an SDO reads them."""
-        return (
+    async def look(self) -> Found:
+        """What the axis does, without touching it."""
+        return Found(
             await self._read(objects.STATUSWORD),
             await self._read(objects.MODE_DISPLAY),
             await self._read(objects.POSITION),
+            await self._read(objects.VELOCITY),
         )
 
-    async def configure(self) -> bool:
-        """Everything, for an axis that stands; False if that must wait until the axis is switched off.
+    async def configure(self, statusword: int) -> str:
+        """Everything, for an axis that stands; else why the rest must wait until somebody claims the axis.
 
         `make_safe` is done in any case.
         """
         await self.make_safe()
-        state = self._tools.drive.status.state
-        if state is PowerState.SWITCH_ON_DISABLED:
-            await self._establish(VELOCITY_DIMENSION, PULSES_PER_SECOND)
-            await self._establish(SWITCH_PARAMETERS, self._tools.config.switch_parameters)
-        elif is_running(self._tools.drive.status.statusword) or await self._differences_that_need_power_off():
-            return False
+        if is_running(statusword):
+            return "It was found enabled or turning; nobody has claimed it."
+        if decode_state(statusword) is PowerState.SWITCH_ON_DISABLED:
+            await self._establish_without_power()
+        elif wrong := await self._differences_that_need_power_off():
+            return f"It was found switched on, and nobody has claimed it. {wrong}"
         await self._establish_motion()
-        return True
+        return ""
 
     async def make_safe(self) -> None:
         """For any axis, a running one too: what only matters when it is to stop."""
@@ -76,15 +94,23 @@ class AxisSetup:
                 )
             await self._establish_motion()
         else:
-            await self.configure()
+            await self.configure(self._tools.drive.status.statusword)
 
-    async def _differences_that_need_power_off(self) -> str:
-        wrong: list[str] = []
-        wanted = {
+    @property
+    def _without_power(self) -> dict[int, int]:
+        """What the module takes in SWITCH_ON_DISABLED only."""
+        return {
             VELOCITY_DIMENSION: PULSES_PER_SECOND,
             SWITCH_PARAMETERS: self._tools.config.switch_parameters,
         }
-        for index, value in wanted.items():
+
+    async def _establish_without_power(self) -> None:
+        for index, value in self._without_power.items():
+            await self._establish(index, value)
+
+    async def _differences_that_need_power_off(self) -> str:
+        wrong: list[str] = []
+        for index, value in self._without_power.items():
             if self._has(index):
                 held = await self._read(index)
                 if held != value:
@@ -116,7 +142,7 @@ class AxisSetup:
         if not (self._has(lower[0], lower[1]) and self._has(upper[0], upper[1])):
             return
         held = await self._read(lower[0], lower[1])
-        order = (upper, lower) if upper[2] >= held else (lower, upper)
+        order = (lower, upper) if upper[2] < held else (upper, lower)
         for index, sub, value in order:
             await self._establish(index, value, sub=sub)
 
@@ -128,11 +154,9 @@ class AxisSetup:
         return await self._tools.objects.read_int(address, priority=Priority.CONFIGURE)
 
     async def _establish(self, index: int, value: int, *, sub: int = 0) -> None:
-        """Write and read back, where the model has the object."""
+        """Have the axis hold a value, where the model has the object."""
         if self._has(index, sub):
-            await self._tools.objects.establish(
-                self._tools.objects.address(index, sub, self._tools.number), value
-            )
+            await self._establisher.hold(self._tools.objects.address(index, sub, self._tools.number), value)
 
 
 def is_running(statusword: int) -> bool:

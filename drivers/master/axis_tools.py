@@ -104,8 +104,13 @@ class AxisTools:
         def command() -> None:
             drive.command(controlword, mode)
 
+        def command_again() -> None:
+            enables = controlword & 0x8F == Controlword.ENABLE_OPERATION
+            if drive.energised or not enables:  # one that was switched off meanwhile must stay so
+                command()
+
         command()
-        if not await drive.until(lambda s: s.mode is mode, self.timing.mode_change, resend=command):
+        if not await drive.until(lambda s: s.mode is mode, self.timing.mode_change, resend=command_again):
             raise TransitionTimeout(
                 f"Axis {self.config.name} did not enter mode {mode.short} in {self.timing.mode_change} s.",
                 **self.where,

@@ -4,7 +4,7 @@ reported.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from drivers.bus.base import Bus
 from drivers.bus.frame import Frame
@@ -34,10 +34,14 @@ class Backbone:
         """Whether our heartbeat pauses on purpose, so that every module is about to stop its motors."""
         self.report_bug = on_bug
 
-    def send(self, frame: Frame, urgent: bool = False) -> None:
-        """Put a frame on the bus. Raises `BusError`."""
+    def withdraw(self, cob_ids: Collection[int]) -> None:
+        """Take back what waits in the transmit queue with these identifiers, and is superseded."""
+        self.bus.withdraw(cob_ids)
+
+    def send(self, frame: Frame, urgent: bool = False, answered: bool = True) -> None:
+        """Put a frame on the bus, see `Bus.send`. Raises `BusError`."""
         try:
-            self.bus.send(frame, urgent=urgent)
+            self.bus.send(frame, urgent=urgent, answered=answered)
         except BusError:
             self.counters.send_failures += 1
             raise

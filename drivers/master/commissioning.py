@@ -51,12 +51,16 @@ async def verify_failsafe(
     finally:
         resume()
     await _within(lambda: node.state is not NodeState.OPERATIONAL, _SLACK)
-    if not await _within(lambda: node.state is NodeState.OPERATIONAL, 10 * _SLACK):
+    if not await _within(lambda: _is_back(node), 10 * _SLACK):
         raise TransitionTimeout(
             f"Node {node.name} did not come back after the check of its fail-safe.", node=node.node_id
         )
     faulted = all(axis.status.state is PowerState.FAULT for axis in enabled)
     return node.note_failsafe(Failsafe.VERIFIED if told and faulted else Failsafe.OFF)
+
+
+def _is_back(node: Node) -> bool:
+    return node.state is NodeState.OPERATIONAL and not any(axis.errand for axis in node.axes)
 
 
 def _obstacles(node: Node, everybody: Iterable[Axis]) -> Iterable[Obstacle]:

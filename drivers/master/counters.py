@@ -18,7 +18,11 @@ class SdoCounters:
     aborted_by_node: int = 0
     timeouts: int = 0
     cancelled: int = 0
-    """Transfers whose caller gave up; we sent an abort."""
+    """Transfers whose callers all gave up; we sent an abort."""
+    shared: int = 0
+    """Reads that joined another's transfer."""
+    refused: int = 0
+    """Transfers that found no room in the queue, or were driven out of it by a more urgent one."""
     violations: int = 0
     """Answers that broke the protocol; we aborted the transfer."""
     late: int = 0
@@ -37,9 +41,11 @@ class NodeCounters:
     heartbeats: int = 0
     boot_ups: int = 0
     malformed_heartbeats: int = 0
+    foreign_requests: int = 0
+    """SDO requests of another master to this node. Their answers are among the foreign and late ones."""
     pdos: int = 0
     short_pdos: int = 0
-    """TPDOs with fewer bytes than are mapped. Dropped."""
+    """TPDOs with fewer bytes than are mapped, or more. Dropped."""
     emergencies: int = 0
     malformed_emergencies: int = 0
     losses: int = 0

@@ -7,18 +7,16 @@ never takes a halt back.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Collection
 
 from drivers.bus.frame import Frame
 from drivers.cia301.pdo import PdoLengthError
 from drivers.cia402.modes import Mode
-from drivers.cia402.objects import DigitalInput
-from drivers.cia402.power import Controlword, PowerState, Statusword, decode_state, holding_controlword
+from drivers.cia402.power import Controlword, PowerState, holding_controlword
 from drivers.master.counters import NodeCounters
 from drivers.master.emergencies import EmergencyRecord
 from drivers.master.pdo_plan import AxisPdos
-from drivers.master.status import AxisStatus, Switches
+from drivers.master.status import Adoption, AxisStatus, Reference
 from drivers.master.timing import Timing
 from drivers.master.watch import Watchdog
 
@@ -36,18 +34,24 @@ class Drive:
         self,
         pdos: AxisPdos,
         send: Send,
+        withdraw: Callable[[Collection[int]], None],
         timing: Timing,
         counters: NodeCounters,
         on_status: Callable[[AxisStatus], None],
         on_silence: Callable[[], None],
     ) -> None:
-        """`on_status` is told every new status, `on_silence` that a status TPDO is overdue."""
+        """`withdraw` takes back what still waits with a COB-ID; `on_status` is told every new status,
+        `on_silence` that a status TPDO is overdue.
+        """
         self._pdos = pdos
+        self._unpack_status = pdos.status.mapping.unpack
+        self._unpack_motion = pdos.motion.mapping.unpack
         self._send = send
+        self._withdraw = withdraw
         self._timing = timing
         self._counters = counters
         self._on_status = on_status
-        silence = timing.pdo_event_timer * timing.status_stale
+        self._silence = silence = timing.pdo_event_timer * timing.status_stale
 
         def overdue() -> None:
             self.note_stale()
@@ -55,73 +59,86 @@ class Drive:
 
         self._status_watchdog = Watchdog(silence, timing.loop_grace, overdue)
         self._motion_watchdog = Watchdog(silence, timing.loop_grace, overdue)
-        self._waiters: list[tuple[Condition, asyncio.Future[bool]]] = []
+        self._waiters: tuple[tuple[Condition, asyncio.Future[bool]], ...] = ()
         self.status = AxisStatus()
         self.status_at: float | None = None
-        """Loop time of the last TPDO 1."""
+        """Loop time at which the last TPDO 1 came."""
         self.motion_at: float | None = None
-        """Loop time of the last TPDO 2."""
+        """Loop time at which the last TPDO 2 came."""
         self.controlword: int | None = None
         """What was commanded last; None: nothing since the node's last boot-up."""
         self.commanded_mode: Mode | None = None
-        self._target = 0
+        self.target = 0
+        """What was commanded last, steps or steps/s as the mode has it."""
 
     # --- upwards ---
 
     def on_status_pdo(self, frame: Frame) -> None:
         """TPDO 1: statusword, mode, inputs."""
         try:
-            statusword, mode, inputs = self._pdos.status.mapping.unpack(frame.data)
+            statusword, mode, inputs = self._unpack_status(frame.data)
         except PdoLengthError:
             self._counters.short_pdos += 1
             return
         self._counters.pdos += 1
-        self.status_at = asyncio.get_running_loop().time()
-        self._status_watchdog.feed(self.status_at)
-        self._replace(self._with_statusword(statusword, mode, inputs))
+        self.status_at = now = frame.timestamp
+        self._status_watchdog.feed(now)
+        updated, stale = self._freshness(now)
+        self._replace(self.status.with_status(statusword, mode, inputs, updated=updated, stale=stale))
 
     def on_motion_pdo(self, frame: Frame) -> None:
         """TPDO 2: position, velocity."""
         try:
-            position, velocity = self._pdos.motion.mapping.unpack(frame.data)
+            position, velocity = self._unpack_motion(frame.data)
         except PdoLengthError:
             self._counters.short_pdos += 1
             return
         self._counters.pdos += 1
-        self.motion_at = asyncio.get_running_loop().time()
-        self._motion_watchdog.feed(self.motion_at)
-        self._replace(replace(self.status, position=position, velocity=velocity, **self._freshness()))
+        self.motion_at = now = frame.timestamp
+        self._motion_watchdog.feed(now)
+        updated, stale = self._freshness(now)
+        self._replace(self.status.with_motion(position, velocity, updated=updated, stale=stale))
 
-    def seed(self, statusword: int, mode: int, position: int) -> None:
+    def seed(self, statusword: int, mode: int, position: int, velocity: int) -> None:
         """What was read by SDO before PDOs flow; the status stays stale until they do.
 
         What was commanded before counts no more: somebody else may have commanded since.
         """
         self.controlword = self.commanded_mode = None
-        seen = self._with_statusword(statusword, mode, 0)
         self.status_at = self.motion_at = None
-        self._replace(replace(seen, position=position, stale=True))
+        seen = self.status.with_status(statusword, mode, 0, updated=self.status.updated, stale=True)
+        self._replace(seen._replace(position=position, velocity=velocity))
 
-    def note(self, *, referenced: bool) -> None:
-        """A homing was attained, or the reference is lost."""
-        if referenced is not self.status.referenced:
-            self._replace(replace(self.status, referenced=referenced))
+    def note_reference(self, reference: Reference) -> None:
+        """A homing began or was attained, or the reference is lost."""
+        if reference is not self.status.reference:
+            self._replace(self.status._replace(reference=reference))
+
+    def note_adoption(self, adopted: Adoption | None) -> None:
+        """The axis was found as `adopted` says, or (None) somebody claimed it."""
+        if adopted != self.status.adopted:
+            self._replace(self.status._replace(adopted=adopted))
 
     def note_emergencies(self, active: tuple[EmergencyRecord, ...]) -> None:
         """What is active on this axis now."""
-        self._replace(replace(self.status, emergencies=active))
+        self._replace(self.status._replace(emergencies=active))
 
     def note_stale(self) -> None:
         """A status TPDO is overdue."""
         if not self.status.stale:
-            self._replace(replace(self.status, stale=True))
+            self._replace(self.status._replace(stale=True))
+
+    def distrust(self) -> None:
+        """What the status TPDOs said does not count: believe the next ones only."""
+        self.status_at = self.motion_at = None
+        self.note_stale()
 
     def forget(self) -> None:
         """The module started anew: nothing that was commanded or seen holds any more."""
         self.unwatch()
         self.controlword = self.commanded_mode = None
         self.status_at = self.motion_at = None
-        self._replace(AxisStatus(emergencies=self.status.emergencies))
+        self._replace(AxisStatus(emergencies=self.status.emergencies, reference=self.status.reference))
 
     def unwatch(self) -> None:
         """Expect no status TPDO until one comes."""
@@ -138,7 +155,7 @@ class Drive:
         loop = asyncio.get_running_loop()
         met: asyncio.Future[bool] = loop.create_future()
         waiter = (condition, met)
-        self._waiters.append(waiter)
+        self._waiters = (*self._waiters, waiter)
         try:
             if condition(self.status):
                 return True
@@ -153,7 +170,7 @@ class Drive:
                     resend()
             return False
         finally:
-            self._waiters.remove(waiter)
+            self._waiters = tuple(other for other in self._waiters if other is not waiter)
             if met.done():
                 met.exception()  # retrieved, should the waiting task have been cancelled at the same moment
 
@@ -170,6 +187,11 @@ class Drive:
         return await self.until(
             lambda _: _is_after(self.motion_at, since) and _is_after(self.status_at, since), self._patience
         )
+
+    @property
+    def heard_at(self) -> float | None:
+        """Loop time of the last status TPDO of either kind; None: none since the node's last boot-up."""
+        return max((at for at in (self.status_at, self.motion_at) if at is not None), default=None)
 
     # --- downwards ---
 
@@ -218,26 +240,43 @@ class Drive:
 
     def command_position(self, controlword: int, target: int) -> None:
         """RPDO 2; `target` in steps."""
-        self.controlword, self._target = controlword, target
+        self.controlword, self.target = controlword, target
         pdo = self._pdos.position
+        self._send(Frame(pdo.cob_id, pdo.mapping.pack((controlword, target))), False)
+
+    def prepare_position(self, controlword: int, target: int) -> None:
+        """RPDO 4: as RPDO 2, but the module takes it with the next SYNC, whoever sends that.
+
+        Until then it waits in the module: what is not to happen any more must be prepared over.
+        """
+        self.controlword, self.target = controlword, target
+        pdo = self._pdos.synchronous
         self._send(Frame(pdo.cob_id, pdo.mapping.pack((controlword, target))), False)
 
     def command_velocity(self, controlword: int, velocity: int, *, urgent: bool = False) -> None:
         """RPDO 3; `velocity` in steps/s."""
-        self.controlword = controlword
+        self.controlword, self.target = controlword, velocity
         pdo = self._pdos.velocity
+        self._withdraw((pdo.cob_id,))  # only the last velocity counts
         self._send(Frame(pdo.cob_id, pdo.mapping.pack((controlword, velocity))), urgent)
+
+    def discard_waiting(self) -> None:
+        """Take back every command that the bus did not take yet: a stop is to have the last word."""
+        pdos = self._pdos
+        self._withdraw(tuple(p.cob_id for p in (pdos.power, pdos.position, pdos.velocity, pdos.synchronous)))
 
     def lower_set_point(self) -> None:
         """Take bit 4 back after a set point; sends nothing if it is low already."""
         if self.controlword is not None and self.controlword & Controlword.NEW_SET_POINT:
-            self.command_position(self.controlword & ~Controlword.NEW_SET_POINT, self._target)
+            self.command_position(self.controlword & ~Controlword.NEW_SET_POINT, self.target)
 
     def halt(self, *, urgent: bool = True) -> None:
         """Begin the ramp down to standstill, as the mode has it; stays OPERATION_ENABLED. Idempotent.
 
         Never sent to a drive that is not energised: 0Fh would enable it.
         """
+        if urgent:
+            self.discard_waiting()
         enabled = Controlword.ENABLE_OPERATION
         match self.mode:
             case Mode.HOMING:  # knows no halt bit: bit 4 = 0 stops (manual §8.2.1)
@@ -262,32 +301,17 @@ class Drive:
         """When everything that is under way now has arrived."""
         return asyncio.get_running_loop().time() + self._timing.flight
 
-    def _with_statusword(self, statusword: int, mode: int, inputs: int) -> AxisStatus:
-        return replace(
-            self.status,
-            state=decode_state(statusword),
-            mode=_mode(mode),
-            statusword=statusword,
-            target_reached=bool(statusword & Statusword.TARGET_REACHED),
-            moving=bool(statusword & Statusword.MOTOR_ACTIVITY),
-            switches=Switches(
-                negative_limit=bool(inputs & DigitalInput.NEGATIVE_LIMIT),
-                positive_limit=bool(inputs & DigitalInput.POSITIVE_LIMIT),
-                home=bool(inputs & DigitalInput.HOME_SWITCH),
-            ),
-            **self._freshness(),
-        )
-
-    def _freshness(self) -> dict[str, float | bool]:
-        if self.status_at is None or self.motion_at is None:
-            return {}
-        oldest = min(self.status_at, self.motion_at)
-        age = asyncio.get_running_loop().time() - oldest
-        return {"updated": oldest, "stale": age > self._timing.status_stale * self._timing.pdo_event_timer}
+    def _freshness(self, now: float) -> tuple[float, bool]:
+        """`AxisStatus.updated` and `stale`."""
+        status_at, motion_at = self.status_at, self.motion_at
+        if status_at is None or motion_at is None:
+            return self.status.updated, self.status.stale
+        oldest = status_at if status_at < motion_at else motion_at
+        return oldest, now - oldest > self._silence
 
     def _replace(self, status: AxisStatus) -> None:
         self.status = status
-        for condition, met in tuple(self._waiters):
+        for condition, met in self._waiters:
             if not met.done():
                 try:
                     if condition(status):
@@ -299,10 +323,3 @@ class Drive:
 
 def _is_after(heard: float | None, since: float) -> bool:
     return heard is not None and heard > since
-
-
-def _mode(value: int) -> Mode:
-    try:
-        return Mode(value)
-    except ValueError:
-        return Mode.NO_MODE

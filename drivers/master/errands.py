@@ -57,8 +57,13 @@ class Errands:
         self._label = label
         self._on_bug = on_bug
         self._tasks: set[asyncio.Task[None]] = set()
-        self.current: Errand | None = None
-        """What runs now."""
+        self._current: Errand | None = None
+
+    @property
+    def current(self) -> Errand | None:
+        """What runs now. A task that has ended is none, though its callback may still be under way."""
+        errand = self._current
+        return None if errand is None or errand.task.done() else errand
 
     def begin(self, name: ErrandName, work: Coroutine[object, object, None]) -> Errand:
         """Start an errand; none may be running."""
@@ -67,20 +72,20 @@ class Errands:
         errand = Errand(name, task)
         self._tasks.add(task)
         task.add_done_callback(lambda _: self._ended(errand))
-        self.current = errand
+        self._current = errand
         return errand
 
     def release(self, errand: Errand | None) -> None:
         """The errand has nothing more to do with the axis: another may begin while its task ends."""
-        if self.current is errand:
-            self.current = None
+        if self._current is errand:
+            self._current = None
 
     def abandon(self, error: CanaxisError) -> None:
         """End what runs, if anything; whoever waits for it gets `error`."""
-        if self.current is not None:
-            self.current.ended_by = error
-            self.current.task.cancel()
-            self.current = None
+        errand, self._current = self.current, None
+        if errand is not None:
+            errand.ended_by = error
+            errand.task.cancel()
 
     async def close(self, error: CanaxisError) -> None:
         """Abandon what runs and wait until every task is gone."""
@@ -90,8 +95,8 @@ class Errands:
 
     def _ended(self, errand: Errand) -> None:
         self._tasks.discard(errand.task)
-        if self.current is errand:
-            self.current = None
+        if self._current is errand:
+            self._current = None
         if not errand.task.cancelled():
             error = errand.task.exception()
             if error is not None and not isinstance(error, CanaxisError):

@@ -44,7 +44,8 @@ class Subscription:
         self, capacity: int, on_close: Callable[[Subscription], None], kinds: frozenset[str] | None = None
     ) -> None:
         self._capacity = capacity
-        self._kinds = kinds
+        self.kinds = kinds
+        """The kinds that it wants; None: all."""
         self._on_close = on_close
         self._latest: dict[tuple[str, int | None, int | None], Event] = {}
         self._kept: deque[Event] = deque()
@@ -56,8 +57,8 @@ class Subscription:
         """How many events this subscriber lost, in all."""
 
     def offer(self, event: Event) -> None:
-        """Queue an event; never blocks, never raises."""
-        if self._closed or (self._kinds is not None and event.kind not in self._kinds):
+        """Queue an event of one of its `kinds`; never blocks, never raises."""
+        if self._closed:
             return
         if event.kind in LATEST_WINS:
             key = (event.kind, event.node, event.axis)
@@ -112,6 +113,8 @@ class EventHub:
     def __init__(self, now: Callable[[], datetime] = lambda: datetime.now(UTC)) -> None:
         self._now = now
         self._subscriptions: set[Subscription] = set()
+        self._by_kind: dict[str, tuple[Subscription, ...]] = {}
+        """Who wants a kind; filled as kinds are asked for, emptied when somebody comes or goes."""
         self._history: deque[Event] = deque()
         self._forgotten = 0
         self.last_id = 0
@@ -119,26 +122,42 @@ class EventHub:
 
     def publish(
         self, kind: str, *, node: int | None = None, axis: int | None = None, data: Mapping[str, object]
-    ) -> Event:
-        """Number an event and queue it for every subscriber. Never blocks."""
+    ) -> None:
+        """Number an event and queue it for every subscriber that wants its kind. Never blocks."""
         self.last_id += 1
         event = Event(self.last_id, kind, self._now(), node, axis, data)
         if kind not in LATEST_WINS:
             self._history.append(event)
             if len(self._history) > HISTORY:
                 self._forgotten = self._history.popleft().id
-        for subscription in tuple(self._subscriptions):
+        for subscription in self._subscriptions_to(kind):
             subscription.offer(event)
-        return event
+
+    def is_wanted(self, kind: str) -> bool:
+        """Whether anybody subscribes to a kind. A status that nobody wants need not be published."""
+        found = self._by_kind.get(kind)  # asked for every status: spare it the call
+        return bool(self._subscriptions_to(kind) if found is None else found)
 
     def subscribe(self, capacity: int = 256, kinds: frozenset[str] | None = None) -> Subscription:
         """A new subscription, to some kinds or (None) all of them.
 
         It has room for `capacity` events that must not be lost, and for the latest of each status.
         """
-        subscription = Subscription(max(1, capacity), self._subscriptions.discard, kinds)
+        subscription = Subscription(max(1, capacity), self._forget, kinds)
         self._subscriptions.add(subscription)
+        self._by_kind.clear()
         return subscription
+
+    def _forget(self, subscription: Subscription) -> None:
+        self._subscriptions.discard(subscription)
+        self._by_kind.clear()
+
+    def _subscriptions_to(self, kind: str) -> tuple[Subscription, ...]:
+        found = self._by_kind.get(kind)
+        if found is None:
+            found = tuple(each for each in self._subscriptions if each.kinds is None or kind in each.kinds)
+            self._by_kind[kind] = found
+        return found
 
     def since(self, last_id: int) -> list[Event] | None:
         """The kept events after `last_id`, oldest first; None if some of them are forgotten, or the id is not

@@ -31,13 +31,13 @@ _CONFIRM = (
     range(0x20A1, 0x20A4),  # short protection, current scaler and range
     range(0x2703, 0x2707),  # outputs, bit rate, node ID, store
     range(0x2711, 0x2712),  # I/O mode
+    range(0x5FFF, 0x6000),  # bootloader entry of the vendor's modules
     range(0x605A, 0x605B),  # quick stop option
     range(0x605E, 0x605F),  # fault reaction option
     range(0x6065, 0x6066),  # following error window
     range(0x607D, 0x607E),  # software limits
 )
 _NEVER = (
-    range(0x5FFF, 0x6000),  # bootloader entry of the vendor's modules
     range(0x6040, 0x6041),  # controlword
     range(0x6060, 0x6061),  # mode
 )

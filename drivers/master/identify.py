@@ -8,7 +8,7 @@ from drivers.cia301.objects import Address
 from drivers.cia301.types import DataType, Value
 from drivers.devices.profile import DeviceProfile
 from drivers.errors import NodeError, SdoAborted, WrongIdentity
-from drivers.master.counters import SdoCounters
+from drivers.master.answers import DOUBLED, AnswerWatch
 from drivers.master.object_access import ObjectAccess
 from drivers.master.sdo_client import Priority
 from drivers.master.status import Identity
@@ -21,9 +21,6 @@ SERIAL = Address(0x1018, 4)
 DEVICE_NAME = Address(0x1008)
 HARDWARE_VERSION = Address(0x1009)
 SOFTWARE_VERSION = Address(0x100A)
-
-_STRAYS = 4
-"""More answers than questions, this many times in one identification, mean that two nodes answer."""
 
 
 class DuplicateNode(NodeError):
@@ -44,7 +41,7 @@ class Particulars:
 
 
 async def identify(
-    node_id: int, name: str, profile: DeviceProfile, objects: ObjectAccess, counters: SdoCounters
+    node_id: int, name: str, profile: DeviceProfile, objects: ObjectAccess, answers: AnswerWatch
 ) -> Particulars:
     """Read who is there. Raises `WrongIdentity`, `DuplicateNode`, `SdoError` or `BusError`."""
 
@@ -63,7 +60,6 @@ async def identify(
         value = await read(address, DataType.VISIBLE_STRING)
         return value if isinstance(value, str) else ""
 
-    strays = counters.late + counters.foreign
     vendor = await number(VENDOR)
     product = await number(PRODUCT)
     device_type = await number(DEVICE_TYPE)
@@ -80,7 +76,10 @@ async def identify(
         wanted[2], wanted[0], wanted[1], revision=await number(REVISION), serial=await number(SERIAL)
     )
     # Before the strings: the doubled segments of one would only look like a broken protocol.
-    if counters.late + counters.foreign - strays >= _STRAYS:
+    for _ in range(DOUBLED):
+        if answers.suspicious and not answers.duplicate:
+            await number(DEVICE_TYPE)
+    if answers.duplicate:
         raise DuplicateNode(
             f"Node {node_id} ({name}) gives more answers than it is asked questions: two nodes have this ID.",
             node=node_id,

@@ -1,15 +1,20 @@
-"""A motion: what was asked of an axis, how far it got, and how it ended. The axis owns and drives it."""
+"""What takes time on one axis or several: what was asked, how far it got, how it ended.
+
+Whoever drives it also ends it: an axis its motions, a group of axes what they do together.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import enum
 import uuid
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from drivers.errors import CanaxisError
+from drivers.master.evidence import Evidence
 
 if TYPE_CHECKING:
     from drivers.master.axis import Axis
@@ -56,16 +61,20 @@ class MotionCancelled(CanaxisError):
     code = "motion_cancelled"
 
 
-class Motion:
-    """Awaitable and cancellable. It belongs to the axis, not to the client that asked for it."""
+class Undertaking(ABC):
+    """Awaitable and cancellable. It belongs to the axes, not to the client that asked for it."""
 
     def __init__(
-        self, kind: MotionKind, axis: Axis, request: Request, on_change: Callable[[Motion], None]
+        self,
+        kind: MotionKind,
+        axes: tuple[Axis, ...],
+        on_change: Callable[[Undertaking], None],
+        undertaking_id: str | None = None,
     ) -> None:
-        self.id = uuid.uuid4().hex
+        """`undertaking_id`: where it was written down before it began; None: a new one."""
+        self.id = undertaking_id or uuid.uuid4().hex
         self.kind = kind
-        self.axis = axis
-        self.request = request
+        self.axes = axes
         self.state = MotionState.QUEUED
         self.progress: float | None = None
         """0..1, or None where it can't be known."""
@@ -75,7 +84,8 @@ class Motion:
         self.created = datetime.now(UTC)
         self.started: datetime | None = None
         self.ended: datetime | None = None
-        self._on_change = on_change
+        self.evidence = Evidence(axes)
+        self._listeners = [on_change]
         self._end = asyncio.Event()
 
     @property
@@ -92,22 +102,25 @@ class Motion:
             return self.done
         return True
 
+    @abstractmethod
     async def cancel(self) -> None:
         """End it with a controlled stop and return at standstill; nothing happens if it has ended.
 
         Raises what `Axis.stop` raises.
         """
-        if not self.done:
-            await self.axis.stop("It was cancelled on request.")
 
-    # The rest is for the axis.
+    def watch(self, listener: Callable[[Undertaking], None]) -> None:
+        """Have `listener` called, synchronously, whenever the state changes from now on."""
+        self._listeners.append(listener)
+
+    # The rest is for whoever drives it.
 
     def begin(self) -> None:
         """The drive is being told."""
         if self.state is MotionState.QUEUED:
             self.state = MotionState.RUNNING
             self.started = datetime.now(UTC)
-            self._on_change(self)
+            self._tell()
 
     def succeed(self, result: Result) -> None:
         """It reached its end."""
@@ -121,11 +134,12 @@ class Motion:
 
     def give_up(self, reason: str) -> None:
         """Something else ended it, on purpose."""
+        one = self.axes[0] if len(self.axes) == 1 else None
         error = MotionCancelled(
             f"The motion was cancelled: {reason}",
             hint="Start it again if it is still wanted.",
-            node=self.axis.node.node_id,
-            axis=self.axis.number,
+            node=None if one is None else one.node.node_id,
+            axis=None if one is None else one.number,
         )
         self._finish(MotionState.CANCELLED, error)
 
@@ -135,5 +149,31 @@ class Motion:
         self.state = state
         self.error = error
         self.ended = datetime.now(UTC)
+        self.evidence.end()
         self._end.set()
-        self._on_change(self)
+        self._tell()
+
+    def _tell(self) -> None:
+        for listener in self._listeners:
+            listener(self)
+
+
+class Motion(Undertaking):
+    """What one axis does for one command."""
+
+    def __init__(
+        self,
+        kind: MotionKind,
+        axis: Axis,
+        request: Request,
+        on_change: Callable[[Undertaking], None],
+        undertaking_id: str | None = None,
+    ) -> None:
+        super().__init__(kind, (axis,), on_change, undertaking_id)
+        self.axis = axis
+        self.request = request
+
+    async def cancel(self) -> None:
+        """See `Undertaking.cancel`."""
+        if not self.done:
+            await self.axis.stop("It was cancelled on request.")

@@ -273,7 +273,7 @@ class Network:
     def _beat(self) -> None:
         frame = Frame(cob.heartbeat(self.config.master_node_id), heartbeat.encode(NmtState.OPERATIONAL))
         with contextlib.suppress(BusError):  # counted; the bus says by itself what is the matter
-            self._backbone.send(frame, True)
+            self._backbone.send(frame, True, answered=False)
 
     def _pause_heartbeat(self) -> None:
         self._backbone.heartbeat_paused = True

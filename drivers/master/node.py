@@ -13,42 +13,37 @@ from drivers.cia301.emcy import Emergency
 from drivers.cia301.nmt import NmtCommand, NmtState
 from drivers.cia301.objects import Address
 from drivers.cia301.types import Value
-from drivers.cia402.power import PowerState
 from drivers.devices.profile import DeviceProfile, ObjectSpec
 from drivers.errors import (
     CanaxisError,
     GuardedObject,
-    MotionFailed,
     NodeAway,
+    NotReady,
     SdoTimeout,
     UnknownAxis,
 )
+from drivers.master.answers import AnswerWatch
 from drivers.master.axis import Axis
 from drivers.master.backbone import Backbone
+from drivers.master.boot_log import BootLog
 from drivers.master.config import AxisConfig, NodeConfig
 from drivers.master.configure import CONSUMER_HEARTBEAT
 from drivers.master.counters import NodeCounters
 from drivers.master.emergencies import EmergencyLog, EmergencyRecord
+from drivers.master.establish import Establisher
 from drivers.master.guard import Guard, guard_of
 from drivers.master.identify import Particulars
 from drivers.master.object_access import ObjectAccess
 from drivers.master.pdo_plan import NodePdos
+from drivers.master.readiness import boot_obstacles
 from drivers.master.router import Router
 from drivers.master.sdo_client import Priority, SdoClient
-from drivers.master.status import Failsafe, NodeState, NodeStatus
+from drivers.master.status import SETTLED, SWITCHED_OFF, Failsafe, NodeState, NodeStatus
 from drivers.master.supervisor import NodeSupervisor
 from drivers.master.where import Where
 
 _UNCONFIRMED = frozenset({0x8110, 0x8140})
 """Emergencies after which the module may have missed what was sent to it: an overrun, a bus-off."""
-_SWITCHED_OFF = frozenset(
-    {
-        PowerState.SWITCH_ON_DISABLED,
-        PowerState.READY_TO_SWITCH_ON,
-        PowerState.NOT_READY_TO_SWITCH_ON,
-        PowerState.FAULT,
-    }
-)
 
 
 class Node:
@@ -68,6 +63,9 @@ class Node:
             self.node_id, backbone.send, backbone.timing, self.counters.sdo, profile.abort_remedy
         )
         self.objects = ObjectAccess(self.node_id, profile, self.sdo)
+        self.answers = AnswerWatch(self.counters.sdo)
+        self.boot_log = BootLog(self.publish)
+        self.establisher = Establisher(self.node_id, self.objects, self.boot_log)
         self.state = NodeState.ABSENT
         self.reason = "It has not answered yet."
         self.nmt_state: NmtState | None = None
@@ -115,6 +113,7 @@ class Node:
             failsafe=self.failsafe,
             heartbeat_age_s=None if heard is None else asyncio.get_running_loop().time() - heard,
             emergencies=self._log.all_active(),
+            boot=self.boot_log.steps,
             counters=copy.deepcopy(self.counters),
         )
 
@@ -149,15 +148,46 @@ class Node:
             for axis in self.axes:
                 axis.parameter_written(address.index, address.sub)
 
+    async def boot(self) -> None:
+        """Take the node in anew, now: identify it, compare, write what differs. Resets and enables nothing.
+
+        Returns once it is operational. Raises `NotReady` while an axis of an operational node is in use or
+        switched on, else what prevents it: `NodeAway`, `WrongIdentity`, `DuplicateNode`,
+        `ConfigurationRefused`, `SdoError`, `BusError`.
+        """
+        found = tuple(boot_obstacles(self))
+        if found:
+            reasons = " ".join(obstacle.message for obstacle in found)
+            raise NotReady(
+                f"Node {self.name} can't be taken in anew now: {reasons}", obstacles=found, node=self.node_id
+            )
+        await self.supervisor.take_in_now()
+
     # --- for the network and the supervisor ---
 
     def route(self, router: Router) -> None:
         """Have the node's frames brought here."""
         router.add(cob.heartbeat(self.node_id), self._on_heartbeat)
         router.add(cob.emcy(self.node_id), self._on_emergency)
-        router.add(cob.sdo_response(self.node_id), self.sdo.on_frame)
+        router.add(cob.sdo_response(self.node_id), self._on_sdo_answer)
+        router.add(cob.sdo_request(self.node_id), self._on_foreign_request)
         for axis in self.axes:
             axis.route(router.add)
+
+    def energised_after(self, moment: float) -> bool:
+        """Whether an axis said after that loop time that it holds its motor, or is about to."""
+        return any(
+            axis.heard_at is not None
+            and axis.heard_at > moment
+            and axis.status.state is not None
+            and axis.status.state not in SWITCHED_OFF
+            for axis in self.axes
+        )
+
+    @property
+    def takes_pdo_commands(self) -> bool:
+        """Whether its PDOs flow, as far as is known. Those of a duplicate do, at least of one of the two."""
+        return self.state in (NodeState.OPERATIONAL, NodeState.DUPLICATE)
 
     @property
     def takes_sdo_commands(self) -> bool:
@@ -172,11 +202,18 @@ class Node:
 
     def publish(self) -> None:
         """Tell the subscribers how the node is."""
-        self.backbone.events.publish("node", node=self.node_id, data={"status": self.status()})
+        events = self.backbone.events
+        if events.is_wanted("node"):
+            events.publish("node", node=self.node_id, data={"status": self.status()})
 
     def command_nmt(self, command: NmtCommand) -> None:
         """Send an NMT command to this node. Raises `BusError`."""
-        self.backbone.send(Frame(cob.NMT, nmt.encode(command, self.node_id)), True)
+        self.command(Frame(cob.NMT, nmt.encode(command, self.node_id)), True)
+
+    def command(self, frame: Frame, urgent: bool) -> None:
+        """Send what changes the node past its SDO channel. Raises `BusError`."""
+        self.sdo.note_command()
+        self.backbone.send(frame, urgent)
 
     def interrupt(self, error: CanaxisError, *, stop: bool) -> None:
         """End what every axis does."""
@@ -201,10 +238,12 @@ class Node:
     def forget(self) -> None:
         """The module started anew: nothing that it held or said before counts."""
         self._failsafe_seen = None
+        self.answers.forget()
         self._log.clear_all()
         self._tell_axes(None)
+        known = self.particulars is not None
         for axis in self.axes:
-            axis.forget()
+            axis.forget(reference_lost=known)
 
     def is_away(self, what: str) -> NodeAway:
         """The error for what can't be done without the node."""
@@ -215,7 +254,7 @@ class Node:
 
         It is left in Pre-operational. A node that is not seen to be off, or does not answer, keeps its watch.
         """
-        off = all(axis.status.state in _SWITCHED_OFF and not axis.status.stale for axis in self.axes)
+        off = all(axis.status.state in SWITCHED_OFF and not axis.status.stale for axis in self.axes)
         if self.state is not NodeState.OPERATIONAL or not off:
             return
         try:
@@ -245,6 +284,17 @@ class Node:
         self.nmt_state = NmtState.PRE_OPERATIONAL if state is NmtState.BOOT_UP else state
         self.supervisor.heard(state)
 
+    def _on_sdo_answer(self, frame: Frame) -> None:
+        self.sdo.on_frame(frame)
+        self.answers.look()
+        if self.answers.duplicate and self.state in SETTLED:
+            self.supervisor.duplicated("Each of its SDO requests is answered twice: two nodes have this ID.")
+
+    def _on_foreign_request(self, _: Frame) -> None:
+        """Another master asks this node; its own requests no bus brings back to us."""
+        self.counters.foreign_requests += 1
+        self.answers.forget()
+
     def _on_emergency(self, frame: Frame) -> None:
         emergency = Emergency.decode(frame.data)
         if emergency is None:
@@ -262,17 +312,7 @@ class Node:
     def _distrust(self, record: EmergencyRecord) -> None:
         """The module lost messages: a command that was just given counts as unconfirmed."""
         for axis in self.axes:
-            if axis.motion is not None:
-                axis.interrupt(
-                    MotionFailed(
-                        f"Node {self.name} reports {record.title} ({record.code:04X}h) during the motion; "
-                        "what was commanded last counts as unconfirmed, and a stop was sent.",
-                        hint=record.remedy,
-                        node=self.node_id,
-                        axis=axis.number,
-                    ),
-                    stop=True,
-                )
+            axis.confirm(record)
 
     def _tell_axes(self, newest: EmergencyRecord | None) -> None:
         for axis in self.axes:
@@ -306,7 +346,7 @@ class Node:
                 hint="Confirm the write if it is meant, with every axis of the node disabled.",
                 **where,
             )
-        energised = [axis.name for axis in self.axes if axis.status.state not in _SWITCHED_OFF]
+        energised = [axis.name for axis in self.axes if axis.status.state not in SWITCHED_OFF]
         if energised:
             raise GuardedObject(
                 f"{address} is only written while every axis of node {self.name} is disabled; "

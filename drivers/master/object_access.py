@@ -5,7 +5,7 @@ from __future__ import annotations
 from drivers.cia301.objects import Address
 from drivers.cia301.types import CodecError, DataType, Value, decode, encode
 from drivers.devices.profile import DeviceProfile, ObjectSpec
-from drivers.errors import BadValue, ConfigurationRefused, SdoAborted, SdoProtocolError, UnknownObject
+from drivers.errors import BadValue, SdoProtocolError, UnknownObject
 from drivers.master.sdo_client import Priority, SdoClient
 from drivers.master.where import Where
 
@@ -90,23 +90,3 @@ class ObjectAccess:
     async def write(self, address: Address, value: Value, *, priority: Priority) -> None:
         """Write an object of the profile. Raises `UnknownObject`, `BadValue`, `SdoError`, `BusError`."""
         await self._sdo.download(address, self.encoded(self.spec(address), value), priority=priority)
-
-    async def establish(self, address: Address, value: int) -> None:
-        """Write and read back while configuring. Raises `ConfigurationRefused` with what differs."""
-        spec = self.spec(address)
-        where: Where = {"node": self._node_id, "axis": spec.axis, "index": spec.index, "sub": spec.sub}
-        try:
-            await self.write(address, value, priority=Priority.CONFIGURE)
-            held = await self.read_int(address, priority=Priority.CONFIGURE)
-        except SdoAborted as abort:
-            raise ConfigurationRefused(
-                f"Node {self._node_id} would not take {value} for {address} {spec.name}: {abort.meaning}.",
-                hint="Correct the configured value, or check the model and firmware of the module.",
-                **where,
-            ) from abort
-        if held != value:
-            raise ConfigurationRefused(
-                f"Node {self._node_id} holds {held} in {address} {spec.name} though {value} was written.",
-                hint="Check the model and firmware of the module, and that no second master writes to it.",
-                **where,
-            )

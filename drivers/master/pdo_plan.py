@@ -21,6 +21,7 @@ from drivers.errors import BadValue
 from drivers.master.timing import Timing
 
 _ASYNCHRONOUS = 0xFF
+_EVERY_SYNC = 1
 _HIGHEST_DONOR = 126
 
 STATUS_OBJECTS = (objects.STATUSWORD, objects.MODE_DISPLAY, objects.DIGITAL_INPUTS)
@@ -44,11 +45,14 @@ class AxisPdos:
     """RPDO 2: controlword, target position."""
     velocity: PdoConfiguration
     """RPDO 3: controlword, target velocity."""
+    synchronous: PdoConfiguration
+    """RPDO 4: controlword, target position, taken by the module with the next SYNC."""
     unused: tuple[PdoConfiguration, ...]
-    """TPDO 3 and 4, RPDO 4: switched off."""
+    """TPDO 3 and 4: switched off."""
 
     def __iter__(self) -> Iterator[PdoConfiguration]:
-        yield from (*self.unused, self.status, self.motion, self.power, self.position, self.velocity)
+        yield from (*self.unused, self.status, self.motion)
+        yield from (self.power, self.position, self.velocity, self.synchronous)
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,23 +150,25 @@ def _axis_pdos(profile: DeviceProfile, axis: int, source: int, timing: Timing) -
             enabled=True,
         )
 
-    def receive(number: int, indices: tuple[int, ...]) -> PdoConfiguration:
+    def receive(
+        number: int, indices: tuple[int, ...], transmission_type: int = _ASYNCHRONOUS
+    ) -> PdoConfiguration:
         return PdoConfiguration(
             direction=Direction.RECEIVE,
             number=profile.layout.pdo_number(number, axis),
             cob_id=cob.rpdo(number, source),
             mapping=mapping(indices),
-            transmission_type=_ASYNCHRONOUS,
+            transmission_type=transmission_type,
             inhibit_time_100us=None,
             event_timer_ms=None,
             enabled=True,
         )
 
-    def off(direction: Direction, number: int, cob_id: int) -> PdoConfiguration:
+    def unused(number: int) -> PdoConfiguration:
         return PdoConfiguration(
-            direction=direction,
+            direction=Direction.TRANSMIT,
             number=profile.layout.pdo_number(number, axis),
-            cob_id=cob_id,
+            cob_id=cob.tpdo(number, source),
             mapping=mapping(()),
             transmission_type=_ASYNCHRONOUS,
             inhibit_time_100us=None,
@@ -176,9 +182,6 @@ def _axis_pdos(profile: DeviceProfile, axis: int, source: int, timing: Timing) -
         power=receive(1, POWER_OBJECTS),
         position=receive(2, POSITION_OBJECTS),
         velocity=receive(3, VELOCITY_OBJECTS),
-        unused=(
-            off(Direction.TRANSMIT, 3, cob.tpdo(3, source)),
-            off(Direction.TRANSMIT, 4, cob.tpdo(4, source)),
-            off(Direction.RECEIVE, 4, cob.rpdo(4, source)),
-        ),
+        synchronous=receive(4, POSITION_OBJECTS, _EVERY_SYNC),
+        unused=(unused(3), unused(4)),
     )

@@ -12,7 +12,7 @@ from drivers.cia402.setpoint import Evidence, SetPointHandshake, SetPointStep
 from drivers.errors import BadValue, BusError, MotionFailed, MotionTimeout
 from drivers.master.axis_tools import AxisTools
 from drivers.master.motion import Motion, Result
-from drivers.master.ramps import move_duration
+from drivers.master.prediction import predict_move
 from drivers.master.requests import MoveRequest
 from drivers.master.sdo_client import Priority
 from drivers.master.status import AxisStatus
@@ -51,10 +51,19 @@ async def move(tools: AxisTools, request: MoveRequest, motion: Motion) -> Result
     start = await tools.objects.read_int(demand, priority=Priority.CONTROL)
     target = start + request.target if request.relative else request.target
     check_target(tools, target)
+    motion.evidence.aim(motion.axis, target)
     await tools.enter_mode(Mode.PROFILE_POSITION)
     tools.require_enabled(drive.status)
 
-    bound = move_duration(target - start, velocity, acceleration, deceleration) * timing.motion_factor
+    expected = predict_move(
+        config,
+        start,
+        target,
+        velocity=velocity,
+        acceleration=acceleration,
+        deceleration=deceleration,
+    )
+    bound = expected.duration_s * timing.motion_factor
     arrival = _Arrival(tools, motion, start, target)
     try:
         arrival.hand_over()

@@ -11,10 +11,11 @@ from drivers.cia402.power import PowerState
 from drivers.errors import AxisBusy, BusDown, CanaxisError, NodeAway, NotReady, Obstacle, StopLatched
 from drivers.master.errands import COMING_TO_REST, ErrandName
 from drivers.master.referencing import needs_enabled
-from drivers.master.status import Failsafe, NodeState
+from drivers.master.status import SWITCHED_OFF, Failsafe, NodeState
 
 if TYPE_CHECKING:
     from drivers.master.axis import Axis
+    from drivers.master.node import Node
 
 
 class AxisCommand(enum.StrEnum):
@@ -38,6 +39,7 @@ class AxisCommand(enum.StrEnum):
 _AWAY = frozenset({"bus_down", "node_away", "heartbeat_stale"})
 
 
+_CLOSING = Obstacle("closing", "The service is shutting down.", "Start the service again.")
 _UNREACHED = "Check the node's supply and cable; it is taken in by itself as soon as it answers."
 _BEING_TAKEN_IN = "Wait a moment: it becomes operational by itself."
 _REMEDIES = {
@@ -95,11 +97,29 @@ def refusal(axis: Axis, command: AxisCommand, found: tuple[Obstacle, ...]) -> Ca
     return NotReady(message, obstacles=found, node=node, axis=number)
 
 
+def boot_obstacles(node: Node) -> Iterator[Obstacle]:
+    """What prevents taking a node in anew: an operational one's axes must be idle and off.
+
+    A node that is not operational has nothing to lose by it, since nothing is reset.
+    """
+    if node.backbone.closing:
+        yield _CLOSING
+    if node.state is not NodeState.OPERATIONAL:
+        return
+    for axis in node.axes:
+        if axis.errand is not None or axis.status.moving or axis.status.state not in SWITCHED_OFF:
+            yield Obstacle(
+                "in_use",
+                f"Axis {axis.name} is {axis.errand or axis.status.state or 'in no known state'}.",
+                "Disable every axis of the node first.",
+            )
+
+
 def _reach(axis: Axis) -> Iterator[Obstacle]:
     node = axis.node
     bus = axis.backbone.bus
     if axis.backbone.closing:
-        yield Obstacle("closing", "The service is shutting down.", "Start the service again.")
+        yield _CLOSING
     if not bus.state.can_send:
         yield Obstacle(
             "bus_down",
@@ -161,10 +181,10 @@ def _drive(axis: Axis, command: AxisCommand, method: int | None) -> Iterator[Obs
     elif command is AxisCommand.ENABLE:
         if axis.adopted and status.moving:
             yield Obstacle("moving", "The axis turns since before this service started.", "Stop it first.")
-    elif axis.adopted:
+    elif status.adopted is not None:
         yield Obstacle(
             "adopted",
-            "The axis was enabled already when this service found it; nobody has claimed it.",
+            status.adopted.reason,
             "Stop the axis, then enable it: that claims it.",
         )
     elif status.state is not PowerState.OPERATION_ENABLED:

@@ -13,7 +13,10 @@ from drivers.errors import BusError, MotionFailed, MotionTimeout
 from drivers.master.axis_tools import AxisTools
 from drivers.master.motion import Motion, Result
 from drivers.master.requests import HomeRequest
-from drivers.master.status import AxisStatus
+from drivers.master.status import AxisStatus, Reference
+
+_AT_ONCE = 3
+"""In handshakes: how long a homing that moves nothing may take; a lost start is told by then."""
 
 
 def needs_enabled(method: int) -> bool:
@@ -54,10 +57,13 @@ async def home(tools: AxisTools, request: HomeRequest, motion: Motion) -> Result
 
     controlword = handshake.start(drive.status.statusword, loop.time())
     motion.begin()
-    drive.note(referenced=False)
+    if drive.status.referenced:
+        drive.note_reference(Reference.LOST)
     try:
         drive.command(controlword, Mode.HOMING)
-        await drive.until(over, request.timeout_s or timing.homing)
+        await drive.until(
+            over, request.timeout_s or (timing.homing if moves else _AT_ONCE * timing.handshake)
+        )
     finally:
         if drive.controlword is not None and drive.controlword & Controlword.START_HOMING:
             with contextlib.suppress(BusError):  # a bus that is gone must not hide why the homing ended
@@ -76,6 +82,6 @@ async def home(tools: AxisTools, request: HomeRequest, motion: Motion) -> Result
         )
     if not moves:
         drive.command(drive.holding, Mode.NO_MODE)
-    drive.note(referenced=True)
+    drive.note_reference(Reference.HOMED)
     await drive.fresh_status()  # the position of before the jump to zero may still be shown
     return {"position": drive.status.position or 0, "method": method}

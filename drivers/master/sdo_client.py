@@ -1,20 +1,25 @@
 """The SDO channel to one node: one transfer at a time, urgent ones first, nothing ever taken for something
 else.
 
-The answers are handled synchronously as the router brings them, so a segmented transfer costs one task
-wake-up. A transfer that ends without an answer (time-out, caller cancelled, broken protocol) is aborted on
-the wire, and then the channel stays silent for `Timing.sdo_quarantine`, so that its late answer finds nobody
-waiting.
+The answers are handled synchronously as the router brings them, and the next request leaves with them, so a
+transfer of any length costs its caller one wake-up. A transfer that ends without an answer (time-out, callers
+gone, broken protocol) is aborted on the wire, and then the channel stays silent until no answer can come any
+more, which is `Timing.sdo_quarantine` after it was due: a late answer finds nobody waiting.
+
+Equal reads share one transfer, if that is sure to bring a value that is new enough:
+
+- a read joins an equal one whose request has not left, and gives it its own priority if that is more urgent;
+- one of priority MONITOR also joins an equal one under way: its value is at most one transfer old. Whoever
+  decides by what is read (STOP, CONTROL, CONFIGURE) gets a value sampled after it asked;
+- nobody gets by joining a value from before a write, or a command by PDO or NMT (`note_command`), that was
+  asked for earlier and that a transfer of its own would have come after.
 """
 
 from __future__ import annotations
 
 import asyncio
-import enum
-import heapq
-import itertools
-from collections.abc import Callable
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Iterable
 
 from drivers.bus.frame import Frame
 from drivers.cia301 import cob
@@ -28,29 +33,15 @@ from drivers.cia301.sdo import (
     SdoUpload,
     Send,
     Violation,
-    abort_meaning,
 )
-from drivers.errors import CanaxisError, NodeAway, SdoAborted, SdoProtocolError, SdoTimeout
+from drivers.errors import CanaxisError, NodeAway
 from drivers.master.counters import SdoCounters
+from drivers.master.sdo_queue import Job, Patience, Priority, SdoQueue
+from drivers.master.sdo_verdicts import Verdicts
 from drivers.master.timing import Timing
-from drivers.master.where import Where
 
-
-class Priority(enum.IntEnum):
-    """Who goes first when several wait for the channel; first come, first served within one."""
-
-    STOP = 0
-    CONTROL = 1
-    CONFIGURE = 2
-    MONITOR = 3
-
-
-@dataclass(slots=True)
-class _Active:
-    transfer: SdoTransfer
-    writes: bool
-    answer: asyncio.Future[bytes]
-    timer: asyncio.TimerHandle
+_EARLY = 0.001
+"""Seconds by which an event loop's timer may come too soon: uvloop counts in milliseconds."""
 
 
 class SdoClient:
@@ -66,229 +57,294 @@ class SdoClient:
     ) -> None:
         """`remedy` says, for an abort code, what to do about it on this model; "" where it doesn't know."""
         self._node_id = node_id
+        self._request_id = cob.sdo_request(node_id)
         self._send = send
         self._timing = timing or Timing()
         self.counters = counters if counters is not None else SdoCounters()
-        self._remedy = remedy
-        self._active: _Active | None = None
-        self._held = False
+        self._verdicts = Verdicts(node_id, remedy)
+        self._active: Job | None = None
+        self._answer_due = 0.0
+        self._queue = SdoQueue()
+        self._shareable: dict[Address, Job] = {}
+        """The newest read of each object that has not ended and that another may join."""
         self._silent_until = 0.0
-        self._release_timer: asyncio.TimerHandle | None = None
-        self._waiting: list[tuple[Priority, int, asyncio.Future[None]]] = []
-        self._tickets = itertools.count()
+        self._unanswered: list[SdoTransfer] = []
+        """Whose late answers the silence is for."""
+        self._timer: asyncio.TimerHandle | None = None
+        self._timer_due = math.inf
 
     # --- the two services ---
 
-    async def upload(self, address: Address, *, priority: Priority = Priority.MONITOR) -> bytes:
-        """Read an object.
+    async def upload(
+        self, address: Address, *, priority: Priority = Priority.MONITOR, within: float | None = None
+    ) -> bytes:
+        """Read an object, maybe by joining an equal read (see above).
 
-        Waits its turn for at most `Timing.sdo_queue`, then at most `Timing.sdo_response` for each answer.
-        Raises `SdoAborted`, `SdoTimeout`, `SdoProtocolError`, `NodeAway` or `BusError`.
+        Waits its turn for at most `Timing.sdo_queue`, then at most `Timing.sdo_response` for each answer, and
+        in all at most `within` seconds (`Timing.sdo_transfer` if left out). Raises `SdoError`, which is
+        `SdoAborted`, `SdoTimeout`, `SdoQueueTimeout`, `SdoQueueFull` or `SdoProtocolError`; `NodeAway`;
+        `BusError`.
         """
-        return await self._perform(SdoUpload(address), priority, writes=False)
+        loop = asyncio.get_running_loop()
+        now = loop.time()
+        waiter: asyncio.Future[bytes] = loop.create_future()
+        patience = self._patience(now, within)
+        job = self._shareable.get(address)
+        if job is None or not self._may_join(job, priority):
+            job = Job(SdoUpload(address), priority, waiter, patience)
+            self._shareable[address] = job
+            self._submit(job, patience, now)
+        else:
+            self._join(job, priority, waiter, patience)
+        return await self._outcome(job, waiter)
 
-    async def download(self, address: Address, data: bytes, *, priority: Priority = Priority.MONITOR) -> None:
-        """Write an object. As `upload`; after an `SdoTimeout` whether it was written is unknown."""
-        await self._perform(SdoDownload(address, data), priority, writes=True)
+    async def download(
+        self,
+        address: Address,
+        data: bytes,
+        *,
+        priority: Priority = Priority.MONITOR,
+        within: float | None = None,
+    ) -> None:
+        """Write an object, once. As `upload`; after an `SdoTimeout` whether it was written is unknown."""
+        loop = asyncio.get_running_loop()
+        now = loop.time()
+        waiter: asyncio.Future[bytes] = loop.create_future()
+        patience = self._patience(now, within)
+        job = Job(SdoDownload(address, data), priority, waiter, patience)
+        self._submit(job, patience, now)
+        await self._outcome(job, waiter)
+
+    def note_command(self) -> None:
+        """The node is commanded by PDO or NMT: no later read joins one that was asked for before."""
+        self._shareable.clear()
 
     def fail_all(self, error: CanaxisError) -> None:
         """End everything that runs or waits with `error`: the node is gone or started anew."""
-        active = self._active
-        if active is not None and not active.answer.done():
-            active.answer.set_exception(error)
-        for _, _, turn in self._waiting:
-            if not turn.done():
-                turn.set_exception(error)
+        jobs = self._queue.clear()
+        if self._active is not None:
+            jobs.append(self._active)
+        for job in jobs:
+            self._fail(job, error)
 
     def close(self) -> None:
         """End everything, for good."""
         self.fail_all(NodeAway("The network is being closed.", node=self._node_id))
-        if self._release_timer is not None:
-            self._release_timer.cancel()
-            self._release_timer = None
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer, self._timer_due = None, math.inf
 
     @property
     def idle(self) -> bool:
         """Whether nothing runs and nothing waits."""
-        return not self._held and not self._waiting
+        return self._active is None and not self._queue
+
+    @property
+    def waiting(self) -> int:
+        """Transfers that wait for their turn; at most `sdo_queue.SIZE`."""
+        return len(self._queue)
 
     # --- what the router brings ---
 
     def on_frame(self, frame: Frame) -> None:
         """Take an answer in (COB-ID 580h + node)."""
-        active = self._active
         if len(frame.data) != 8:
             self.counters.malformed += 1
             return
-        if active is None or active.answer.done():
+        job = self._active
+        if job is None:
             self.counters.late += 1
             return
-        step = active.transfer.feed(frame.data)
-        match step:
-            case Ignored():
-                self.counters.foreign += 1
-            case Send(data):
-                self._transmit_next(active, data)
+        match job.transfer.feed(frame.data):
             case Done(data):
                 self.counters.completed += 1
-                active.answer.set_result(data)
+                self._succeed(job, data)
+            case Send(data):
+                self._go_on(job, data)
+                return
+            case Ignored():
+                self.counters.foreign += 1
+                return
             case Aborted(code):
                 self.counters.aborted_by_node += 1
-                active.answer.set_exception(self._refusal(active.transfer.address, code, active.writes))
+                self._fail(job, self._verdicts.refusal(job, code))
             case Violation(reason, abort):
                 self.counters.violations += 1
-                self._try_to_send(abort)
-                self._keep_silent()
-                active.answer.set_exception(
-                    SdoProtocolError(
-                        f"Node {self._node_id} broke the protocol at {active.transfer.address}: {reason}.",
-                        **self._where(active.transfer.address),
-                    )
-                )
+                self._abandon(job, abort)
+                self._fail(job, self._verdicts.breach(job, reason))
+        self._start_next()
 
     # --- one transfer ---
 
-    async def _perform(self, transfer: SdoTransfer, priority: Priority, *, writes: bool) -> bytes:
-        await self._take_turn(transfer.address, priority)
-        active: _Active | None = None
-        try:
-            loop = asyncio.get_running_loop()
-            active = _Active(
-                transfer,
-                writes,
-                loop.create_future(),
-                loop.call_later(self._timing.sdo_response, self._expire),
-            )
-            self._active = active  # the waiter is there before the request goes out
-            self.counters.requests += 1
-            self._send(self._frame(transfer.request()))
-            return await active.answer
-        except asyncio.CancelledError:
-            if active is not None and (active.answer.cancelled() or not active.answer.done()):
-                self.counters.cancelled += 1
-                self._try_to_send(transfer.abort_frame())
-                self._keep_silent()
-            raise
-        finally:
-            if active is not None:
-                active.timer.cancel()
-                if active.answer.done() and not active.answer.cancelled():
-                    active.answer.exception()  # retrieved here if the caller was cancelled at the same moment
-            self._active = None
-            self._release()
+    def _patience(self, now: float, within: float | None) -> Patience:
+        timing = self._timing
+        return Patience(now + timing.sdo_queue, now + (timing.sdo_transfer if within is None else within))
 
-    def _transmit_next(self, active: _Active, data: bytes) -> None:
-        active.timer.cancel()
-        active.timer = asyncio.get_running_loop().call_later(self._timing.sdo_response, self._expire)
-        try:
-            self._send(self._frame(data))
-        except CanaxisError as error:
-            active.answer.set_exception(error)
-
-    def _expire(self) -> None:
-        active = self._active
-        if active is None or active.answer.done():
-            return
-        self.counters.timeouts += 1
-        self._try_to_send(active.transfer.abort_frame())
-        self._keep_silent()
-        address = active.transfer.address
-        if active.writes:
-            error = SdoTimeout(
-                f"Node {self._node_id} did not answer to the write of {address}; the outcome is unknown.",
-                **self._where(address),
-            )
+    def _submit(self, job: Job, patience: Patience, now: float) -> None:
+        """Begin a new job at once if the channel is free, else let it wait, or drive another out."""
+        if self._active is None and not self._queue and self._is_quiet_for(job, now):
+            self._begin(job, now)
         else:
-            error = SdoTimeout(
-                f"Node {self._node_id} did not answer to the read of {address}.",
-                hint="Check the node's supply and cable, then read again.",
-                **self._where(address),
-            )
-        active.answer.set_exception(error)
+            refused = self._queue.put(job)
+            if refused is not None:
+                self.counters.refused += 1
+                self._fail(refused, self._verdicts.no_room(refused))
+            self._start_next()
+        self._wake_at(patience.until(begun=job.begun))
 
-    def _refusal(self, address: Address, code: int, writes: bool) -> SdoAborted:
-        meaning = abort_meaning(code)
-        verb = "the write" if writes else "the read"
-        return SdoAborted(
-            f"Node {self._node_id} refused {verb} of {address}: {meaning} (SDO abort {code:08X}h).",
-            abort_code=code,
-            meaning=meaning,
-            node=self._node_id,
-            index=address.index,
-            sub=address.sub,
+    def _may_join(self, job: Job, priority: Priority) -> bool:
+        """Whether the value that `job` will bring is new enough for who asks now."""
+        return (not job.begun or priority is Priority.MONITOR) and self._queue.keeps_order(job, priority)
+
+    def _join(self, job: Job, priority: Priority, waiter: asyncio.Future[bytes], patience: Patience) -> None:
+        self.counters.shared += 1
+        job.waiters[waiter] = patience
+        if not job.begun and priority < job.priority:
+            self._queue.hasten(job, priority)
+            self._start_next()
+        self._wake_at(patience.until(begun=job.begun))
+
+    async def _outcome(self, job: Job, waiter: asyncio.Future[bytes]) -> bytes:
+        try:
+            return await waiter
+        except asyncio.CancelledError:
+            self._leave(job, waiter)
+            raise
+
+    def _leave(self, job: Job, waiter: asyncio.Future[bytes]) -> None:
+        """A caller was cancelled; the last one takes the transfer with it."""
+        if waiter.done() and not waiter.cancelled():
+            waiter.exception()  # retrieved here: the caller was cancelled at the same moment
+        job.waiters.pop(waiter, None)
+        if job.waiters or job.ended:
+            return
+        if job is self._active:
+            self.counters.cancelled += 1
+            self._abandon(job, job.transfer.abort_frame())
+        else:
+            self._queue.remove(job)
+        self._retire(job)
+        self._start_next()
+
+    def _begin(self, job: Job, now: float) -> None:
+        job.begun = True
+        self._active = job  # the waiters are there before the request goes out
+        self._answer_due = now + self._timing.sdo_response
+        self._wake_at(self._answer_due)
+        self.counters.requests += 1
+        self._transmit(job, job.transfer.request())
+
+    def _go_on(self, job: Job, data: bytes) -> None:
+        self._answer_due = asyncio.get_running_loop().time() + self._timing.sdo_response
+        self._transmit(job, data)
+        self._start_next()
+
+    def _transmit(self, job: Job, data: bytes) -> None:
+        try:
+            self._send(Frame(self._request_id, data))
+        except CanaxisError as error:
+            self._fail(job, error)
+
+    def _succeed(self, job: Job, data: bytes) -> None:
+        self._retire(job)
+        for waiter in job.waiters:
+            if not waiter.done():
+                waiter.set_result(data)
+
+    def _fail(self, job: Job, error: CanaxisError) -> None:
+        self._retire(job)
+        _raise_in(job.waiters, error)
+
+    def _retire(self, job: Job) -> None:
+        job.ended = True
+        if self._active is job:
+            self._active = None
+        if self._shareable.get(job.address) is job:
+            del self._shareable[job.address]
+
+    def _abandon(self, job: Job, abort: bytes) -> None:
+        """Abort on the wire a transfer whose answer may still come, and wait that out."""
+        self._unanswered.append(job.transfer)
+        self._silent_until = self._answer_due + self._timing.sdo_quarantine
+        try:
+            self._send(Frame(self._request_id, abort))
+        except CanaxisError:
+            return  # a courtesy: a bus that can't carry it now must not hide the first error
+
+    # --- whose turn it is ---
+
+    def _start_next(self) -> None:
+        while self._active is None and (job := self._queue.foremost) is not None:
+            now = asyncio.get_running_loop().time()
+            if not self._is_quiet_for(job, now):
+                self._wake_at(self._silent_until)
+                return
+            self._queue.remove(job)
+            if job.is_wanted:
+                self._begin(job, now)
+            else:
+                self._retire(job)
+
+    def _is_quiet_for(self, job: Job, now: float) -> bool:
+        """Whether no late answer can come that could be taken for one to this job."""
+        if now + _EARLY >= self._silent_until:
+            self._unanswered.clear()
+            return True
+        # A stop need not wait for the answers that tell themselves apart.
+        return job.priority is Priority.STOP and not any(
+            job.transfer.could_take_answer_to(other) for other in self._unanswered
         )
 
-    def _where(self, address: Address) -> Where:
-        return {"node": self._node_id, "index": address.index, "sub": address.sub}
+    def _wake_at(self, due: float) -> None:
+        """Look again then at the latest. One timer for everything, which is seldom set anew."""
+        if due < self._timer_due:
+            if self._timer is not None:
+                self._timer.cancel()
+            self._timer = asyncio.get_running_loop().call_at(due, self._look)
+            self._timer_due = due
 
-    def _frame(self, data: bytes) -> Frame:
-        return Frame(cob.sdo_request(self._node_id), data)
+    def _look(self) -> None:
+        """See who waited for too long, and when to look again."""
+        self._timer, self._timer_due = None, math.inf
+        now = asyncio.get_running_loop().time() + _EARLY
+        active = self._active
+        if active is not None and self._answer_due <= now:
+            self.counters.timeouts += 1
+            self._abandon(active, active.transfer.abort_frame())
+            self._fail(active, self._verdicts.silence(active))
+        for job in self._jobs():
+            self._dismiss(job, now)
+        self._start_next()
+        for job in self._jobs():
+            self._wake_at(job.due)
+        if self._active is not None:
+            self._wake_at(self._answer_due)
 
-    def _try_to_send(self, data: bytes) -> None:
-        """An abort is a courtesy: a bus that can't carry it now must not hide the first error."""
-        try:
-            self._send(self._frame(data))
-        except CanaxisError:
+    def _jobs(self) -> list[Job]:
+        return [*self._queue] if self._active is None else [self._active, *self._queue]
+
+    def _dismiss(self, job: Job, now: float) -> None:
+        """Tell the callers whose patience has ended; the last one takes the transfer with it."""
+        expired = job.expired(now)
+        if not expired:
             return
-
-    # --- the queue ---
-
-    def _keep_silent(self) -> None:
-        self._silent_until = asyncio.get_running_loop().time() + self._timing.sdo_quarantine
-
-    async def _take_turn(self, address: Address, priority: Priority) -> None:
-        loop = asyncio.get_running_loop()
-        if not self._held and not self._waiting and loop.time() >= self._silent_until:
-            self._held = True
-            return
-        turn: asyncio.Future[None] = loop.create_future()
-        heapq.heappush(self._waiting, (priority, next(self._tickets), turn))
-        if not self._held:
-            self._grant_when_quiet()
-        try:
-            async with asyncio.timeout(self._timing.sdo_queue):
-                await turn
-        except TimeoutError:
-            self._hand_on(turn)
-            raise SdoTimeout(
-                f"The queue of node {self._node_id} did not move in time; nothing was sent for {address}.",
-                hint="Check that the node answers at all; then try again.",
-                **self._where(address),
-            ) from None
-        except BaseException:
-            self._hand_on(turn)
-            raise
-
-    def _hand_on(self, turn: asyncio.Future[None]) -> None:
-        """A waiter gave up; if it had just been granted the channel, the next one gets it."""
-        granted = turn.done() and not turn.cancelled() and turn.exception() is None
-        self._waiting = [entry for entry in self._waiting if entry[2] is not turn]
-        heapq.heapify(self._waiting)
-        if granted:
-            self._release()
-
-    def _release(self) -> None:
-        self._held = False
-        self._grant_when_quiet()
-
-    def _grant_when_quiet(self) -> None:
-        if self._release_timer is not None:
-            return
-        loop = asyncio.get_running_loop()
-        silence = self._silent_until - loop.time()
-        if silence > 0:
-            self._release_timer = loop.call_later(silence, self._silence_over)
+        for waiter in expired:
+            del job.waiters[waiter]
+        if job.begun:
+            error = self._verdicts.slowness(job)
+            if not job.waiters:
+                self.counters.timeouts += 1
+                self._abandon(job, job.transfer.abort_frame())
+                self._retire(job)
         else:
-            self._grant()
+            error = self._verdicts.no_turn(job)
+            if not job.waiters:
+                self._queue.remove(job)
+                self._retire(job)
+        _raise_in(expired, error)
 
-    def _silence_over(self) -> None:
-        self._release_timer = None
-        if not self._held:
-            self._grant_when_quiet()
 
-    def _grant(self) -> None:
-        while self._waiting and not self._held:
-            _, _, turn = heapq.heappop(self._waiting)
-            if not turn.done():
-                self._held = True
-                turn.set_result(None)
+def _raise_in(waiters: Iterable[asyncio.Future[bytes]], error: CanaxisError) -> None:
+    for waiter in waiters:
+        if not waiter.done():
+            waiter.set_exception(error)

@@ -10,7 +10,7 @@ from drivers.cia402.power import Controlword
 from drivers.errors import MotionFailed, MotionTimeout
 from drivers.master.axis_tools import AxisTools
 from drivers.master.motion import Motion, Result
-from drivers.master.ramps import velocity_change_duration
+from drivers.master.prediction import predict_velocity
 from drivers.master.requests import VelocityRequest
 from drivers.master.sdo_client import Priority
 from drivers.master.status import AxisStatus
@@ -35,7 +35,9 @@ async def run(tools: AxisTools, request: VelocityRequest, motion: Motion) -> Res
 
     start = drive.status.velocity or 0
     approach = _Approach(tools, motion, start, request.velocity)
-    bound = velocity_change_duration(start, request.velocity, acceleration) * timing.motion_factor
+    position = drive.status.position or 0
+    expected = predict_velocity(config, position, start, request.velocity, acceleration=acceleration)
+    bound = expected.duration_s * timing.motion_factor
     motion.begin()
     drive.command_velocity(Controlword.ENABLE_OPERATION, request.velocity)
     if not await drive.until(approach.check, bound + timing.motion_margin):

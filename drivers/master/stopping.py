@@ -12,7 +12,7 @@ from drivers.cia402.power import Controlword, PowerState, Statusword, decode_sta
 from drivers.errors import BusError, MotionTimeout
 from drivers.master import power
 from drivers.master.axis_tools import AxisTools
-from drivers.master.ramps import velocity_change_duration
+from drivers.master.prediction import predict_stop
 from drivers.master.sdo_client import Priority
 from drivers.master.status import AxisStatus
 
@@ -22,16 +22,15 @@ _POLL = 0.05
 def begin(tools: AxisTools) -> None:
     """Send the halt now, if the drive is energised; take the enabling back, if it is just being enabled.
 
-    As far as the bus takes it: what follows repeats it. Twice: once past whatever waits in the bus's queue,
-    and once behind it, so that no set point that was queued before the stop has the last word.
+    As far as the bus takes it: what follows repeats it. It goes past whatever waits in the bus's queue, and
+    commands of this axis that still wait there are taken back, so that no set point has the last word.
     """
     drive = tools.drive
     if drive.energised:
         _as_the_bus_takes_it(lambda: drive.halt(urgent=True))
-        halt_again(tools)
     elif drive.being_enabled:
+        drive.discard_waiting()
         _take_enabling_back(tools, urgent=True)
-        _take_enabling_back(tools, urgent=False)
 
 
 async def come_to_rest(tools: AxisTools) -> None:
@@ -68,6 +67,7 @@ def begin_quick_stop(tools: AxisTools) -> None:
     it.
     """
     drive = tools.drive
+    drive.discard_waiting()
     _as_the_bus_takes_it(lambda: drive.command(Controlword.QUICK_STOP, drive.mode, urgent=True))
 
 
@@ -90,30 +90,56 @@ async def stop_by_sdo(tools: AxisTools) -> None:
 
     Raises `SdoError` or `MotionTimeout`.
     """
-    loop = asyncio.get_running_loop()
-    access, axis = tools.objects, tools.number
-
-    async def read(index: int) -> int:
-        return await access.read_int(access.address(index, 0, axis), priority=Priority.STOP)
-
-    async def write(index: int, value: int) -> None:
-        await access.write(access.address(index, 0, axis), value, priority=Priority.STOP)
-
-    if decode_state(await read(objects.STATUSWORD)) is not PowerState.OPERATION_ENABLED:
+    drive = _ByObjects(tools)
+    if decode_state(await drive.read(objects.STATUSWORD)) is not PowerState.OPERATION_ENABLED:
         return
-    mode = await read(objects.MODE_DISPLAY)
+    mode = await drive.read(objects.MODE_DISPLAY)
     if mode == Mode.PROFILE_VELOCITY:
-        await write(objects.TARGET_VELOCITY, 0)
+        await drive.write(objects.TARGET_VELOCITY, 0)
     halt = 0 if mode == Mode.HOMING else Controlword.HALT
-    await write(objects.CONTROLWORD, Controlword.ENABLE_OPERATION | halt)
-    deadline = loop.time() + _bound(tools)
-    while await read(objects.STATUSWORD) & Statusword.MOTOR_ACTIVITY:
-        if loop.time() > deadline:
-            await write(objects.CONTROLWORD, Controlword.QUICK_STOP)
-            raise _still_moving(tools, "a halt; quick stop was sent")
-        await asyncio.sleep(_POLL)
-    await write(objects.MODE, Mode.NO_MODE)
-    await write(objects.CONTROLWORD, Controlword.ENABLE_OPERATION)
+    await drive.write(objects.CONTROLWORD, Controlword.ENABLE_OPERATION | halt)
+    if not await drive.comes_to_rest(_bound(tools)):
+        await drive.write(objects.CONTROLWORD, Controlword.QUICK_STOP)
+        raise _still_moving(tools, "a halt; quick stop was sent")
+    await drive.write(objects.MODE, Mode.NO_MODE)
+    await drive.write(objects.CONTROLWORD, Controlword.ENABLE_OPERATION)
+
+
+async def quick_stop_by_sdo(tools: AxisTools) -> None:
+    """As `stop_by_sdo`, by a quick stop; the power is off afterwards. Raises `SdoError`, `MotionTimeout`."""
+    drive = _ByObjects(tools)
+    if decode_state(await drive.read(objects.STATUSWORD)) is PowerState.OPERATION_ENABLED:
+        await drive.write(objects.CONTROLWORD, Controlword.QUICK_STOP)
+    if not await drive.comes_to_rest(_bound(tools)):
+        raise _still_moving(tools, "a quick stop")
+    await drive.write(objects.CONTROLWORD, Controlword.DISABLE_VOLTAGE)
+    await drive.write(objects.MODE, Mode.NO_MODE)
+
+
+class _ByObjects:
+    """A drive commanded and watched by SDO alone, before all else that waits for the channel."""
+
+    def __init__(self, tools: AxisTools) -> None:
+        self._objects = tools.objects
+        self._axis = tools.number
+
+    async def read(self, index: int) -> int:
+        address = self._objects.address(index, 0, self._axis)
+        return await self._objects.read_int(address, priority=Priority.STOP)
+
+    async def write(self, index: int, value: int) -> None:
+        address = self._objects.address(index, 0, self._axis)
+        await self._objects.write(address, value, priority=Priority.STOP)
+
+    async def comes_to_rest(self, seconds: float) -> bool:
+        """Look until the motor stands; False if it doesn't in time."""
+        loop = asyncio.get_running_loop()
+        deadline = loop.time() + seconds
+        while await self.read(objects.STATUSWORD) & Statusword.MOTOR_ACTIVITY:
+            if loop.time() > deadline:
+                return False
+            await asyncio.sleep(_POLL)
+        return True
 
 
 def _at_rest(status: AxisStatus) -> bool:
@@ -146,7 +172,7 @@ def _bound(tools: AxisTools) -> float:
         parameters.held(objects.PROFILE_DECELERATION, 0, config.deceleration),
         parameters.held(objects.HOMING_ACCELERATION, 0, config.homing_acceleration),
     )
-    ramp = velocity_change_duration(tools.drive.status.velocity or 0, 0, gentlest)
+    ramp = predict_stop(tools.drive.status.velocity or 0, gentlest)
     return ramp * timing.motion_factor + timing.standstill_margin
 
 

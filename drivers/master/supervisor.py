@@ -23,16 +23,14 @@ from drivers.errors import (
     UnknownObject,
     WrongIdentity,
 )
-from drivers.master import configure
-from drivers.master.identify import DEVICE_TYPE, DuplicateNode, identify
+from drivers.master.boot import boot_up
+from drivers.master.identify import DEVICE_TYPE, DuplicateNode
 from drivers.master.sdo_client import Priority
-from drivers.master.status import NodeState
+from drivers.master.status import SETTLED, Adoption, NodeState
 from drivers.master.watch import Watchdog
 
 if TYPE_CHECKING:
     from drivers.master.node import Node
-
-_SETTLED = frozenset({NodeState.CONFIGURED, NodeState.OPERATIONAL})
 
 
 class NodeSupervisor:
@@ -42,16 +40,22 @@ class NodeSupervisor:
         self._node = node
         backbone = node.backbone
         self._timing = backbone.timing
-        period = self._heartbeat_period = backbone.config.node_heartbeat_ms / 1000
+        period = backbone.config.node_heartbeat_ms / 1000
         grace = self._timing.loop_grace
         self._stale = Watchdog(period * self._timing.heartbeat_stale, grace, self._on_stale)
         self._lost = Watchdog(period * self._timing.heartbeat_lost, grace, self._on_lost)
         self._disturbed = asyncio.Event()
         self._heard = asyncio.Event()
-        self._nmt_changed = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
-        self._blocked = ""
+        self._held = False
+        """Whether something but the node itself keeps it from being taken in for now."""
         self._taking_in = False
+        self._attempts: list[asyncio.Future[None]] = []
+        self._restarted_at: float | None = None
+        """Loop time of a boot-up out of the blue that was not yet looked into."""
+        self.operational_at: float | None = None
+        """Loop time of the last heartbeat that said Operational."""
+        self._settled_at = 0.0
         self.heard_at: float | None = None
         """Loop time of the last heartbeat or boot-up."""
 
@@ -69,6 +73,20 @@ class NodeSupervisor:
         if self._task is not None:
             self._task.cancel()
             await asyncio.wait({self._task})
+        self._tell(self._node.is_away("the network is being closed."))
+
+    async def take_in_now(self) -> None:
+        """Try once more, now, and return when the node is operational; raises what prevents it.
+
+        An attempt that runs already is waited for.
+        """
+        attempt: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._attempts.append(attempt)
+        if not self._taking_in:
+            self._unwatch()
+            self._held = False
+            self._disturbed.set()
+        await attempt
 
     # --- what happens to the node ---
 
@@ -78,25 +96,41 @@ class NodeSupervisor:
         now = asyncio.get_running_loop().time()
         self.heard_at = now
         self._heard.set()
-        self._nmt_changed.set()
+        if state is NmtState.OPERATIONAL:
+            self.operational_at = now
         if state is NmtState.BOOT_UP:
-            self._on_boot_up()
-        elif node.state in _SETTLED:
+            self._on_boot_up(now)
+        elif node.state in SETTLED:
             self._stale.feed(now)
             self._lost.feed(now)
             if node.heartbeat_stale:
                 node.heartbeat_stale = False
                 node.publish()
             if node.state is NodeState.OPERATIONAL and state is not NmtState.OPERATIONAL:
-                self._on_left_operational(state)
+                if now - self._settled_at < self._timing.sdo_quarantine:
+                    node.nmt_state = NmtState.OPERATIONAL  # it said so before it was started
+                else:
+                    self._on_left_operational(state)
 
     def block(self, reason: str) -> None:
         """Something on the bus makes the node unusable until it is put right; it is tried again from time to
         time.
         """
-        self._blocked = reason
-        self._node.interrupt(self._node.is_away(reason), stop=True)
+        error = self._node.is_away(reason)
+        self._hold(error)
+        self._node.interrupt(error, stop=True)
         self._node.enter(NodeState.REFUSED, reason)
+
+    def duplicated(self, reason: str) -> None:
+        """Two nodes have this ID: as `block`, and nothing is written to either."""
+        error = DuplicateNode(f"Node {self._node.name}: {reason}", node=self._node.node_id)
+        self._hold(error)
+        self._node.sdo.fail_all(error)
+        self._enter_duplicate(error)
+
+    def _hold(self, error: CanaxisError) -> None:
+        self._tell(error)
+        self._held = True
         self._disturbed.set()
 
     def bus_went(self, reason: str) -> None:
@@ -109,19 +143,24 @@ class NodeSupervisor:
         """The wire is back: identify and arm everything anew."""
         self._disturbed.set()
 
-    def _on_boot_up(self) -> None:
+    def _on_boot_up(self, now: float) -> None:
         node = self._node
         if node.state in (NodeState.ABSENT, NodeState.LOST) and not self._taking_in:
             node.forget()
             return  # it is just being looked for, and found by this
-        if node.state in _SETTLED:
-            error = node.is_away("it restarted by itself; references and unsaved parameters are lost.")
-            node.interrupt(error, stop=False)
+        if node.state in SETTLED:
+            self._restarted_at = now
+        elif self._restarted_at is not None:
+            self._restarted_at = now  # again, while the first was looked into
+        node.enter(NodeState.BOOTED, "It has booted; it is being identified.")
+        # A node that restarted takes no PDO. But if another one came under its ID, this one still moves.
+        node.interrupt(
+            node.is_away("it restarted by itself; references and unsaved parameters are lost."), stop=True
+        )
         node.sdo.fail_all(node.is_away("it has just restarted."))
         node.forget()
         self._unwatch()
-        self._blocked = ""
-        node.enter(NodeState.BOOTED, "It has booted; it is being identified.")
+        self._held = False
         self._disturbed.set()
 
     def _on_left_operational(self, state: NmtState) -> None:
@@ -137,7 +176,7 @@ class NodeSupervisor:
 
     def _on_stale(self) -> None:
         node = self._node
-        if node.state in _SETTLED and not node.heartbeat_stale:
+        if node.state in SETTLED and not node.heartbeat_stale:
             node.heartbeat_stale = True
             late = node.is_away(
                 "its heartbeat is late; a stop was sent, but whether the axis stands is unknown."
@@ -145,10 +184,11 @@ class NodeSupervisor:
             for axis in node.axes:
                 if axis.motion is not None or axis.status.moving:
                     axis.interrupt(late, stop=True)
+                    axis.adopt(Adoption.of(axis.status, "It moved when its node's heartbeat became late."))
             node.publish()
 
     def _on_lost(self) -> None:
-        if self._node.state in _SETTLED:
+        if self._node.state in SETTLED:
             self._lose("Its heartbeat ended. Whether its motors turn is unknown.")
 
     def _lose(self, reason: str) -> None:
@@ -192,31 +232,93 @@ class NodeSupervisor:
 
     async def _take_in(self) -> None:
         """Until the node is operational, or refused."""
-        node = self._node
+        self._taking_in = False
+        if self._held:
+            self._held = False
+            return  # until the next try, or until somebody asks for one
+        if self._restarted_at is not None and not await self._is_alone(self._restarted_at):
+            return
         pause = self._timing.probe_first
         while True:
             self._taking_in = False
             await self._find()
             self._taking_in = True
-            try:
-                await self._bring_up()
-            except (WrongIdentity, ConfigurationRefused, BadValue, UnknownObject) as error:
-                node.enter(NodeState.REFUSED, error.message)
+            if await self._boot():
                 return
-            except DuplicateNode as error:
-                node.enter(NodeState.DUPLICATE, error.message)
-                return
-            except (SdoError, BusError, NodeAway) as error:
-                # Also an abort in a place where the module should not give one: look again, more and more
-                # rarely.
-                node.enter(NodeState.LOST, f"It stopped answering while being taken in: {error.message}")
-                self._heard.clear()
-                with contextlib.suppress(TimeoutError):
-                    async with asyncio.timeout(pause):
-                        await self._heard.wait()
-                pause = min(2 * pause, self._timing.probe_last)
-            else:
-                return
+            self._heard.clear()
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(pause):
+                    await self._heard.wait()
+            pause = min(2 * pause, self._timing.probe_last)
+
+    async def _boot(self) -> bool:
+        """Whether that is settled, for better or worse; False: it is tried again soon."""
+        node = self._node
+        try:
+            await boot_up(node)
+        except (WrongIdentity, ConfigurationRefused, BadValue, UnknownObject) as error:
+            node.enter(NodeState.REFUSED, error.message)
+            self._tell(error)
+        except DuplicateNode as error:
+            self._enter_duplicate(error)
+        except (SdoError, BusError, NodeAway) as error:
+            # Also an abort in a place where the module should not give one: look again, more and more rarely.
+            node.enter(NodeState.LOST, f"It stopped answering while being taken in: {error.message}")
+            self._tell(error)
+            return False
+        else:
+            self._settle()
+        return True
+
+    def _settle(self) -> None:
+        """The node is operational. Its heartbeat is awaited from now on, whether one came already or not."""
+        node = self._node
+        self._settled_at = asyncio.get_running_loop().time()
+        self._stale.feed(self._settled_at)
+        self._lost.feed(self._settled_at)
+        node.enter(NodeState.OPERATIONAL)
+        for axis in node.axes:
+            axis.back_in_reach()
+        self._tell(None)
+
+    async def _is_alone(self, restarted_at: float) -> bool:
+        """After a boot-up out of the blue: whether the node did restart, or another one came under its ID.
+
+        Nothing is sent meanwhile. A node that restarted may start itself and send PDOs, but its axes are
+        switched off: one that is energised later than the worst lateness of its last words is another node's.
+        If none is, no motor is in danger, and the identification finds two that answer.
+        """
+        node, timing = self._node, self._timing
+        await asyncio.sleep(timing.sdo_quarantine + 1.5 * timing.pdo_event_timer)
+        late = restarted_at + timing.sdo_quarantine
+        self._restarted_at = None
+        if not node.energised_after(late):
+            return True
+        self._enter_duplicate(
+            DuplicateNode(
+                f"A node has booted with the ID {node.node_id} while {node.name} went on: two nodes have it.",
+                node=node.node_id,
+            )
+        )
+        return False
+
+    def _enter_duplicate(self, error: DuplicateNode) -> None:
+        """Stop by PDO what may run, which both understand; nothing is written."""
+        self._unwatch()
+        self._node.enter(NodeState.DUPLICATE, error.message)
+        self._node.interrupt(error, stop=True)
+        self._tell(error)
+
+    def _tell(self, error: CanaxisError | None) -> None:
+        """An attempt to take the node in has ended: say so to who waits for it."""
+        self._taking_in = False
+        attempts, self._attempts = self._attempts, []
+        for attempt in attempts:
+            if not attempt.done():
+                if error is None:
+                    attempt.set_result(None)
+                else:
+                    attempt.set_exception(error)
 
     async def _find(self) -> None:
         """Probe until something answers; whatever is heard of the node ends a pause at once."""
@@ -231,10 +333,17 @@ class NodeSupervisor:
             self._wake_from_stopped()
             if await self._answers():
                 return
+            self._not_found()
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(pause):
                     await self._heard.wait()
             pause = min(2 * pause, self._timing.probe_last)
+
+    def _not_found(self) -> None:
+        node = self._node
+        if node.state is not NodeState.ABSENT and node.state is not NodeState.LOST:
+            node.enter(NodeState.LOST, "It does not answer any more. Whether its motors turn is unknown.")
+        self._tell(node.is_away(f"it does not answer ({node.state})."))
 
     def _wake_from_stopped(self) -> None:
         """A node in NMT Stopped has no SDO. It is never reset for that: its axes may be turning."""
@@ -249,70 +358,6 @@ class NodeSupervisor:
         except CanaxisError:
             return False
         return True
-
-    async def _bring_up(self) -> None:
-        node = self._node
-        config = node.backbone.config
-        if self._blocked:
-            reason, self._blocked = self._blocked, ""
-            raise ConfigurationRefused(reason, node=node.node_id)
-        node.enter(NodeState.BOOTED, "It answers; it is being identified.")
-        node.particulars = None
-        node.particulars = await identify(
-            node.node_id, node.name, node.profile, node.objects, node.counters.sdo
-        )
-        node.enter(NodeState.IDENTIFIED, "It is being configured.")
-        await configure.produce_heartbeat(node.objects, config)
-        await self._change_nmt(NmtCommand.ENTER_PRE_OPERATIONAL, NmtState.PRE_OPERATIONAL)
-        node.note_armed(await configure.arm_failsafe(node.objects, config))
-        for axis in node.axes:
-            axis.seed(*await axis.setup.look())
-            axis.adopted = not await axis.setup.configure()
-        await configure.remap(node.node_id, node.objects, (pdo for axis in node.pdos.axes for pdo in axis))
-        node.enter(NodeState.CONFIGURED, "It is being started.")
-        await self._change_nmt(NmtCommand.START, NmtState.OPERATIONAL)
-        await self._status_of_every_axis()
-        node.enter(NodeState.OPERATIONAL)
-        for axis in node.axes:
-            axis.back_in_reach()
-
-    async def _change_nmt(self, command: NmtCommand, state: NmtState) -> None:
-        """Command and wait for a heartbeat that says so; the command is a level and may be repeated."""
-        node = self._node
-        each = self._heartbeat_period + self._timing.nmt_change / 2
-        try:
-            async with asyncio.timeout(2 * each):
-                while True:
-                    node.nmt_state = None  # only a heartbeat from now on counts
-                    node.command_nmt(command)
-                    with contextlib.suppress(TimeoutError):
-                        async with asyncio.timeout(each):
-                            await self._follows(state)
-                            return
-        except TimeoutError:
-            raise NodeAway(
-                f"Node {node.name} did not go to NMT {state.name} within {2 * each:g} s.",
-                hint="Check that no second master commands it; it is tried again later.",
-                node=node.node_id,
-            ) from None
-
-    async def _follows(self, state: NmtState) -> None:
-        """Wait for a heartbeat that says so."""
-        while self._node.nmt_state is not state:
-            self._nmt_changed.clear()
-            await self._nmt_changed.wait()
-
-    async def _status_of_every_axis(self) -> None:
-        node = self._node
-        patience = 5 * self._timing.pdo_event_timer
-        for axis in node.axes:
-            if not await axis.has_status(patience):
-                raise NodeAway(
-                    f"Node {node.name} was started, but the status of axis {axis.name} does not come.",
-                    hint="Check that nothing else on the bus uses the same COB-IDs.",
-                    node=node.node_id,
-                    axis=axis.number,
-                )
 
     def _ended(self, task: asyncio.Task[None]) -> None:
         if not task.cancelled():

@@ -13,8 +13,11 @@ class Timing:
     """How long one SDO answer may take, counted anew for each request frame of a segmented transfer."""
     sdo_queue: float = 5.0
     """How long a transfer may wait for its turn in the node's queue; nothing was sent if that runs out."""
+    sdo_transfer: float = 30.0
+    """How long a caller waits in all, turn and segments included, if it gives no deadline of its own."""
     sdo_quarantine: float = 0.25
-    """After an unanswered transfer: the worst lateness of an answer, during which the channel stays silent.
+    """How late an answer may come once `sdo_response` is over; until then the channel stays silent after a
+    transfer that was given up.
     """
 
     probe_first: float = 0.5

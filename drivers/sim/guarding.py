@@ -71,8 +71,10 @@ class HeartbeatConsumer:
     def __init__(self) -> None:
         self.node: int | None = None
         """Whom it watches; None = nobody."""
-        self.failed = False
-        """Whether the heartbeat was lost and has not come back."""
+        self.heard_at: float | None = None
+        """When the last heartbeat of the watched node came."""
+        self.lost_at: float | None = None
+        """When it was found missing; None unless it is missing still."""
         self._monitor: HeartbeatMonitor | None = None
 
     def configure(self, entry: int) -> None:
@@ -81,14 +83,15 @@ class HeartbeatConsumer:
         watching = consumer.time_ms > 0 and 1 <= consumer.node <= 127
         self.node = consumer.node if watching else None
         self._monitor = HeartbeatMonitor(consumer.time_ms / 1000) if watching else None
-        self.failed = False
+        self.heard_at = self.lost_at = None
 
     def heard(self, now: float) -> bool:
         """A heartbeat of the watched node came; whether that ends a failure."""
         if self._monitor is None:
             return False
         self._monitor.heard(now)
-        recovered, self.failed = self.failed, False
+        recovered = self.lost_at is not None
+        self.heard_at, self.lost_at = now, None
         return recovered
 
     @property
@@ -101,5 +104,5 @@ class HeartbeatConsumer:
         if self._monitor is None or not self._monitor.expired(now):
             return False
         self._monitor.disarm()
-        self.failed = True
+        self.lost_at = now
         return True

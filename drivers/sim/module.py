@@ -20,7 +20,7 @@ from drivers.sim.addressing import Addressing
 from drivers.sim.communication import APPLICATION_ERROR, COMMUNICATION_ERROR, Communication
 from drivers.sim.dictionary import AxisView, ObjectDictionary, defaults
 from drivers.sim.emergency import EmergencyProducer
-from drivers.sim.guarding import ErrorBehavior, Reaction
+from drivers.sim.guarding import ErrorBehavior, HeartbeatConsumer, Reaction
 from drivers.sim.interface import AxisParameters, RaiseEmergency
 from drivers.sim.motion.axis import SimulatedAxis
 from drivers.sim.motion.travel import AxisSettings
@@ -122,6 +122,11 @@ class SimulatedModule:
     def node_id(self) -> int | None:
         """The node ID in force; None = unconfigured."""
         return self._addressing.node_id
+
+    @property
+    def watch(self) -> HeartbeatConsumer:
+        """The watch over the master's heartbeat (1016h:1); for looking only."""
+        return self._communication.consumer
 
     @property
     def bit_rate(self) -> int:

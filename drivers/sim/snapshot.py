@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from drivers.bus.base import BusState
 from drivers.cia301.objects import Address
@@ -59,8 +59,25 @@ class WireFaultSnapshot:
 
 
 @dataclass(frozen=True, slots=True)
+class WatchSnapshot:
+    """Its watch over the master's heartbeat (1016h:1). Times are of `ModuleSnapshot.clock`."""
+
+    node: int | None
+    """Whom it watches; None = nobody."""
+    heard_at: float | None
+    """When the last heartbeat came; None = none since the watch was set, which isn't armed then."""
+    lost_at: float | None
+    """When it was found missing and EMCY 8130h was due; None unless it is missing still."""
+
+
+@dataclass(frozen=True, slots=True)
 class ModuleSnapshot:
     """A whole module."""
+
+    clock: float = field(compare=False)
+    """When this was taken: seconds on the simulator's own monotonic clock. Two that differ in this alone are
+    equal.
+    """
 
     node: int
     """The node ID that it was made with; it is known by this one whatever LSS does."""
@@ -72,6 +89,7 @@ class ModuleSnapshot:
     """Of its CAN controller."""
     error_register: int
     """1001h."""
+    watch: WatchSnapshot
     silent: bool
     deaf: bool
     no_boot_up: bool
@@ -93,13 +111,16 @@ def take(number: int, node: SimulatedNode, wire_faults: Sequence[WireFaultSnapsh
 
     def look(module: SimulatedModule, now: float) -> ModuleSnapshot:
         terminals, faults = module.terminals, node.faults
+        watch = module.watch
         return ModuleSnapshot(
+            clock=now,
             node=number,
             node_id=module.node_id,
             powered=module.powered,
             nmt_state=module.nmt_state.name.lower(),
             bus=node.bus.state,
             error_register=module.error_register,
+            watch=WatchSnapshot(watch.node, watch.heard_at, watch.lost_at),
             silent=faults.silent,
             deaf=faults.deaf,
             no_boot_up=faults.no_boot_up,

@@ -21,6 +21,8 @@ from drivers.sim.storage import Store
 MODEL: Final = "TMCM-3216"
 BIT_RATE: Final = 1_000_000
 """Of the wire where none is given, bit/s: the module's own default."""
+LEAD: Final = 0.001
+"""Of that wire, seconds: about what the timers of an event loop are late by. See `MemoryWire`."""
 
 
 class Listen(NamedTuple):
@@ -59,7 +61,7 @@ class Station:
         lasts as long as the module if left out. Without `listen` no other program can join. Raises `BadValue`
         for a node ID that is none or comes twice.
         """
-        self.wire = wire if wire is not None else MemoryWire(bit_rate=BIT_RATE)
+        self.wire = wire if wire is not None else MemoryWire(bit_rate=BIT_RATE, lead=LEAD)
         self._profile = profile if profile is not None else Catalog.load().profile(MODEL)
         self._node_ids = tuple(_checked(node_ids))
         self._axes = axes

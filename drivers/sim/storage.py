@@ -57,7 +57,7 @@ class FileStore:
             parsed: object = json.loads(self._path.read_text(encoding="utf-8"))
         except FileNotFoundError:
             return {}
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, RecursionError) as error:
             raise StoreError(f"{self._path} can't be read: {error}") from error
         if not isinstance(parsed, dict):
             raise StoreError(f"{self._path} holds no table of objects")
@@ -83,6 +83,6 @@ class FileStore:
             address = Address(int(index, 16), int(sub))
         except ValueError:
             raise StoreError(f"{self._path}: {key!r} is no object") from None
-        if not isinstance(value, int):
+        if not isinstance(value, int) or isinstance(value, bool):
             raise StoreError(f"{self._path}: {key} holds {value!r}, which is no number")
         return address, value

@@ -140,14 +140,20 @@ async def test_streams_end_when_the_service_does(bench: Bench) -> None:
     assert (refused.status_code, refused.json()["code"]) == (503, "shutting_down")
 
 
-async def test_a_client_that_does_not_read_is_told_how_much_it_missed(bench: Bench) -> None:
+async def test_a_client_that_does_not_read_is_told_how_much_it_missed_and_let_go(bench: Bench) -> None:
     hub = bench.service.network.events
     async with EventClient(bench.app) as events:
-        await events.next("snapshot")
+        last = (await events.next("snapshot")).id
         for number in range(400):
             hub.publish("bus", data={"state": "active", "reason": str(number)})
         missed = await events.next("missed")
-    assert missed.data["missed"] == 400 - 256
+        assert missed.data["missed"] == 400 - 256
+        assert missed.id is None, "it comes back with the id of the last event that it got"
+        assert await events.ended()
+    async with EventClient(bench.app, last_event_id=str(last)) as events:
+        again = [(await events.next("bus")).data["reason"] for _ in range(400)]
+        assert again == [str(number) for number in range(400)], "nothing is lost to who comes back"
+        assert (await events.next()).kind == "snapshot"
 
 
 async def test_a_last_event_id_beyond_all_bounds_is_ignored_too(bench: Bench) -> None:

@@ -20,7 +20,10 @@ WRITABLE = Settings.model_validate({"objects": {"writable": True}})
 async def test_it_lives_and_is_ready(bench: Bench) -> None:
     assert (await bench.client.get("/livez")).json() == {"status": "alive"}
     ready = await bench.client.get("/readyz")
-    assert (ready.status_code, ready.json()) == (200, {"ready": True, "reasons": []})
+    assert (ready.status_code, ready.json()) == (
+        200,
+        {"ready": True, "reasons": [], "warnings": []},
+    )
 
 
 async def test_without_its_module_it_lives_but_is_not_ready() -> None:
@@ -315,11 +318,11 @@ async def test_the_security_checks_stand_before_everything(bench: Bench) -> None
 
 
 async def test_with_a_token_everything_but_the_probes_needs_it() -> None:
-    settings = Settings.model_validate({"server": {"token": "correct-horse-battery"}})
+    settings = Settings.model_validate({"server": {"token": "correct-horse-battery-9"}})
     async with running(settings) as bench:
         assert (await bench.get("/nodes")).status_code == 401
         assert (await bench.client.post("/api/v1/stop")).status_code == 401
         assert (await bench.client.get("/metrics")).status_code == 401
         assert (await bench.client.get("/livez")).status_code == 200
-        headers = {"Authorization": "Bearer correct-horse-battery"}
+        headers = {"Authorization": "Bearer correct-horse-battery-9"}
         assert (await bench.get("/nodes", headers=headers)).status_code == 200

@@ -3,7 +3,7 @@
 It is as simple as a drive can be: each state is reached at once, and each set point in one step. All that it
 knows of the bus comes from canopen: SDO server, NMT, heartbeat producer, PDO mapping, EMCY producer.
 
-Usage: python local_node.py PORT EDS
+Usage: python local_node.py EDS NAME=VALUE...; the names are python-can's: interface, channel, port, ...
 A set point of 666 makes it send EMCY 8611h (following error) and go to FAULT.
 """
 
@@ -75,9 +75,9 @@ class Axis:
 
 
 class Drive:
-    def __init__(self, port: int, eds: str) -> None:
+    def __init__(self, eds: str, **bus: str) -> None:
         self.network = canopen.Network()
-        self.network.connect(interface="socketcand", host="127.0.0.1", port=port, channel="can0")
+        self.network.connect(**bus)
         self.node = canopen.LocalNode(1, eds)
         self.lock = threading.RLock()
         self.axes = [Axis(self.node, number) for number in range(3)]
@@ -138,4 +138,4 @@ class Drive:
 
 
 if __name__ == "__main__":
-    Drive(int(sys.argv[1]), sys.argv[2]).run()
+    Drive(sys.argv[1], **dict(option.split("=", 1) for option in sys.argv[2:])).run()

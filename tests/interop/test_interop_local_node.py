@@ -39,7 +39,9 @@ async def until(what: Callable[[], bool], seconds: float = 15.0) -> None:
 @asynccontextmanager
 async def local_node(port: int) -> AsyncIterator[None]:
     process = await asyncio.create_subprocess_exec(
-        sys.executable, str(SCRIPT), str(port), str(EDS), stdout=asyncio.subprocess.PIPE
+        *(sys.executable, str(SCRIPT), str(EDS), "interface=socketcand", "channel=can0"),
+        *("host=127.0.0.1", f"port={port}"),
+        stdout=asyncio.subprocess.PIPE,
     )
     assert process.stdout is not None
     try:

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from drivers.devices.ramp import Ramp, bands, plan_follow, plan_move, plan_stop, plan_velocity
+from drivers.devices.trajectory import Trajectory
 from drivers.sim.motion.goals import MoveTo
-from drivers.sim.motion.ramp import Ramp, bands, plan_follow, plan_move, plan_stop, plan_velocity
-from drivers.sim.motion.trajectory import Trajectory
 
 SPEEDS = st.integers(10, 2_000_000)
 RATES = st.integers(100, 16_777_215)

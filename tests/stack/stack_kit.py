@@ -63,8 +63,11 @@ class Stack:
     async def master_dies(self) -> None:
         """The master's process is gone in mid-sentence: nothing is stopped, nothing more is sent."""
         network = self.network
+        last_words = self.wire.faults.drop(lambda frame: True)
         for node in network.nodes.values():
             await node.close()
+        await asyncio.sleep(0.005)  # what the tasks said when they were ended is off the wire
+        last_words.end()
         network._heartbeat.stop()
         assert network._unsubscribe is not None
         network._unsubscribe()

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from drivers.sim.motion import ramp
-from drivers.sim.motion.trajectory import Trajectory, rest
+from drivers.devices import ramp
+from drivers.devices.trajectory import Trajectory, rest
 
 
 class Goal(Protocol):

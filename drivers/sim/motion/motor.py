@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final, NamedTuple
 
+from drivers.devices.trajectory import Trajectory, rest
 from drivers.sim.motion.goals import Goal, Stop
-from drivers.sim.motion.trajectory import Trajectory, rest
 from drivers.sim.motion.travel import HALF, Travel
 
 BEYOND: Final = 2.0**-10

@@ -7,10 +7,10 @@ from typing import Final
 
 from drivers.cia402 import objects
 from drivers.cia402.power import Controlword, Statusword
+from drivers.devices.ramp import Ramp, bands
 from drivers.sim.motion.context import Context, around
 from drivers.sim.motion.goals import MoveTo, Stop
 from drivers.sim.motion.mode import ModeControl
-from drivers.sim.motion.ramp import Ramp, bands
 
 A1, V1, D1, A2, V2, D2 = 0x2011, 0x2012, 0x2013, 0x2016, 0x2017, 0x2018
 WINDOW_OFF: Final = 0xFFFF_FFFF

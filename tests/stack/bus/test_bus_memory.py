@@ -292,3 +292,17 @@ async def test_a_discarded_port_is_gone(wire, listen):
     one.send(Frame(0x181))
     await turn()
     assert heard.frames == []
+
+
+async def test_with_a_lead_one_frame_comes_at_once_and_many_keep_the_bit_rate():
+    opened = await ports(MemoryWire(bit_rate=1_000_000, lead=0.001), 2)
+    loop = asyncio.get_running_loop()
+    came: asyncio.Queue[float] = asyncio.Queue()
+    opened[1].subscribe(lambda batch: [came.put_nowait(loop.time()) for _ in batch] and None)
+    began = loop.time()
+    opened[0].send(Frame(0x181, bytes(8)))
+    assert await came.get() == began
+    for _ in range(100):
+        opened[0].send(Frame(0x181, bytes(8)))
+    last = [await came.get() for _ in range(100)][-1]
+    assert last - began == pytest.approx(101 * 125e-6 - 0.001, rel=0.15)

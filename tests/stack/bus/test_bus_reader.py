@@ -29,8 +29,8 @@ class Source:
             raise item
         return item
 
-    def look_for_end(self) -> None:
-        pass
+    def drain(self, into: list[Frame], limit: int) -> None:
+        raise NotImplementedError("a thread waits for one frame after the other")
 
 
 async def test_a_thread_hands_over_all_frames_before_the_loss() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from drivers.bus.base import BusCounters, BusState
 from drivers.bus.frame import Frame
-from drivers.bus.reader import Lost
+from drivers.bus.reader import DescriptorReader, Lost
 from drivers.bus.supervised import SupervisedBus
 from drivers.errors import BadValue, BusDown, BusOverflow
 
@@ -33,8 +33,9 @@ class FakeLink:
             raise Lost("the link is down (errno 100)")
         return None
 
-    def look_for_end(self) -> None:
-        pass
+    def drain(self, into: list[Frame], limit: int) -> None:
+        if self.broken:
+            raise Lost("the link is down (errno 100)")
 
     def write(self, frame: Frame) -> bool:
         if self.broken:
@@ -236,3 +237,20 @@ async def test_a_controller_that_was_bus_off_before_is_not_called_active(fake):
 async def test_what_no_controller_can_send_is_refused(bus):
     with pytest.raises(BadValue):
         bus.send(Frame(0x201, bytes(9)))
+
+
+async def test_only_what_is_answered_makes_the_reader_hurry(bus, fake, monkeypatch):
+    hurries: list[None] = []
+    monkeypatch.setattr(DescriptorReader, "expect_answer", lambda _: hurries.append(None))
+    await bus.open()
+    bus.send(Frame(0x77F, b"\x05"), urgent=True, answered=False)
+    assert not hurries, "a heartbeat leaves the reading of a stream as it is"
+    bus.send(Frame(0x601, bytes(8)))
+    assert len(hurries) == 1
+    fake.links[0].full = True
+    bus.send(Frame(0x601, bytes(8)))
+    fake.links[0].full = False
+    before = len(hurries)
+    while len(fake.links[0].written) < 3:  # noqa: ASYNC110 - a fake tells nobody
+        await asyncio.sleep(0.001)
+    assert len(hurries) > before, "the answer comes after the frame has left"

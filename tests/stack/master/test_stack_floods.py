@@ -54,7 +54,8 @@ async def test_boot_ups_over_and_over_leave_the_node_usable_at_last(stack) -> No
     for _ in range(50):
         stack.wire.inject(Frame(0x701, b"\x00"))
         await asyncio.sleep(0.002)
-    await until(lambda: stack.node.state is NodeState.OPERATIONAL)
+    await until(lambda: stack.node.state is NodeState.DUPLICATE)
+    await until(lambda: stack.node.state is NodeState.OPERATIONAL, 60)
     axis = stack.axes[0]
     assert axis.adopted, "an enabled axis is nobody's after a boot-up that was none"
     await axis.enable()

@@ -78,3 +78,13 @@ async def test_a_homing_that_finds_nothing_ends_at_its_deadline_and_stands(stack
     await until(lambda: axis.errand is None)
     assert not axis.status.moving
     assert axis.status.state is PowerState.OPERATION_ENABLED
+
+
+async def test_a_homing_that_moves_nothing_and_whose_start_is_lost_fails_soon(stack) -> None:
+    axis = (await stack.enabled())[0]
+    await axis.home(HomeRequest(method=35)).wait(10)
+    stack.wire.faults.drop(lambda frame: frame.cob_id == axis.pdos.power.cob_id and frame.data[0] & 0x10 != 0)
+    motion = axis.home(HomeRequest(method=35))
+    assert await motion.wait(5)
+    assert motion.state is MotionState.FAILED
+    assert isinstance(motion.error, MotionTimeout)

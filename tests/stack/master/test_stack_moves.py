@@ -7,6 +7,7 @@ import asyncio
 import pytest
 from stack_kit import stack_of, until
 
+from drivers.bus.frame import Frame
 from drivers.bus.memory import MemoryWire
 from drivers.cia301.nmt import NmtState
 from drivers.cia402.modes import Mode
@@ -295,3 +296,17 @@ async def test_a_heartbeat_of_four_seconds_is_waited_for() -> None:
     ):
         await until(lambda: network.ready, 20)
         await network.node(1).axes[0].enable()
+
+
+async def test_a_mode_that_is_commanded_again_never_enables_a_drive_that_was_switched_off(stack) -> None:
+    axis = (await stack.enabled())[0]
+    motor = stack.modules[1].module.axes[0]
+    stack.wire.faults.drop(lambda frame: frame.cob_id == 0x201 and frame.data[2] == Mode.PROFILE_POSITION)
+    motion = axis.move_to(MoveRequest(1000))
+    await asyncio.sleep(0.05)  # the mode was commanded, and will be again
+    stack.wire.faults.clear()
+    stack.wire.inject(Frame(0x201, bytes([0x07, 0, 0])))  # somebody else switches its operation off
+    await until(lambda: motor.state is PowerState.SWITCHED_ON)
+    await motion.wait(20)
+    assert motion.state is MotionState.FAILED
+    assert motor.state is PowerState.SWITCHED_ON

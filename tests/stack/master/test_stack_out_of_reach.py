@@ -85,7 +85,7 @@ async def test_a_halted_set_point_of_a_dead_master_is_never_taken_up() -> None:
         async with Network(stack.port, stack.network.config, Catalog.load()) as second:
             await until(lambda: second.ready)
             found = second.node(1).axes[0]
-            await until(lambda: not found.status.moving and not found.status.stale)
+            await until(lambda: not (found.status.moving or found.status.stale or found.status.velocity))
             rest = found.status.position
             await found.enable()
             assert not module.axes[0].moving
@@ -139,10 +139,24 @@ async def test_bus_off_says_can_t_command_and_never_stopped(stack) -> None:
     assert stack.network.bus_status().reason == ""
 
 
+async def test_after_lost_messages_a_move_goes_on_if_the_drive_shows_what_was_commanded(stack) -> None:
+    axis = (await stack.enabled())[0]
+    motion = axis.move_to(MoveRequest(100_000))
+    turning = stack.axes[1].run_at(VelocityRequest(400_000))
+    await asyncio.sleep(1)
+    stack.modules[1].report(0x8110)
+    await asyncio.gather(motion.wait(20), turning.wait(20))
+    assert [one.state for one in (motion, turning)] == [MotionState.SUCCEEDED] * 2, (
+        motion.error,
+        turning.error,
+    )
+
+
 async def test_a_fault_of_the_module_s_own_can_says_that_the_last_command_is_unconfirmed(stack) -> None:
     axis = (await stack.enabled())[0]
     motion = axis.move_to(MoveRequest(500_000))
     await asyncio.sleep(1)
+    await stack.node.write(Address(0x607A), 400_000)
     stack.modules[1].report(0x8110)
     await motion.wait(1)
     assert isinstance(motion.error, MotionFailed)
@@ -292,3 +306,65 @@ async def test_a_halt_that_was_not_followed_up_is_not_released_into_the_old_set_
         highest = max(highest, axis.status.position)
     assert (motion.state, axis.status.position) == (MotionState.SUCCEEDED, rest - 400), motion.error
     assert highest == rest
+
+
+async def kept_in_pre_operational(stack: Stack) -> None:
+    """Somebody else commands the node to Pre-operational, and our starts don't reach it."""
+    stack.wire.faults.drop(lambda frame: frame.cob_id == 0 and frame.data[0] == 1)
+    stack.wire.inject(Frame(0x000, bytes([0x80, 1])))
+    await until(lambda: stack.node.state is not NodeState.OPERATIONAL)
+
+
+async def test_a_quick_stop_reaches_a_drive_in_pre_operational_by_sdo(stack) -> None:
+    axis = (await stack.enabled())[0]
+    await axis.run_at(VelocityRequest(30_000)).wait(10)
+    await kept_in_pre_operational(stack)
+    motor = stack.modules[1].module.axes[0]
+    assert motor.moving, "no PDO reaches it"
+    await axis.quick_stop()
+    assert not motor.moving
+    assert motor.state is PowerState.SWITCH_ON_DISABLED
+    assert (await stack.node.read(Address(0x6060))) == 0
+
+
+async def test_a_stop_reaches_a_drive_in_pre_operational_by_sdo(stack) -> None:
+    axis = (await stack.enabled())[0]
+    await axis.run_at(VelocityRequest(30_000)).wait(10)
+    await kept_in_pre_operational(stack)
+    await axis.stop()
+    motor = stack.modules[1].module.axes[0]
+    assert not motor.moving
+    assert motor.state is PowerState.OPERATION_ENABLED
+
+
+async def test_an_axis_whose_status_is_late_is_stopped_by_a_disable_but_not_switched_off(stack) -> None:
+    axis = (await stack.enabled())[0]
+    await axis.run_at(VelocityRequest(30_000)).wait(10)
+    silent = {axis.pdos.status.cob_id, axis.pdos.motion.cob_id}
+    stack.wire.faults.drop(lambda frame: frame.cob_id in silent)
+    await until(lambda: axis.status.stale)
+    with pytest.raises(NotReady, match="too old"):
+        await axis.disable()
+    motor = stack.modules[1].module.axes[0]
+    await until(lambda: not motor.moving)
+    assert motor.state is PowerState.OPERATION_ENABLED, "it holds what it carries"
+
+
+async def test_no_set_point_that_still_waits_has_the_last_word_over_a_stop(stack) -> None:
+    axis = (await stack.enabled())[0]
+    sent: list[Frame] = []
+    await axis.run_at(VelocityRequest(20_000)).wait(10)
+    stack.port.hold()
+    stack.wire.tap(lambda sender, frame: sent.append(frame) if sender == stack.port.name else None)
+    for velocity in (30_000, 40_000, 50_000):
+        axis.run_at(VelocityRequest(velocity))
+        await asyncio.sleep(0.02)
+    stop = asyncio.create_task(axis.stop())
+    await asyncio.sleep(0.02)
+    stack.port.release()
+    await stop
+    velocities = [frame.data for frame in sent if frame.cob_id == axis.pdos.velocity.cob_id]
+    assert velocities, "the halt in profile velocity mode is an RPDO 3"
+    assert all(data == velocities[0] for data in velocities)
+    assert velocities[0][2:] == bytes(4)
+    assert not stack.modules[1].module.axes[0].moving

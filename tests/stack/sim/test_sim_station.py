@@ -16,6 +16,7 @@ from drivers.cia402.power import PowerState
 from drivers.devices.catalog import Catalog
 from drivers.errors import BadValue, NotReady, UnknownNode
 from drivers.sim.panel import COMMANDS, ModulePanel
+from drivers.sim.snapshot import WatchSnapshot
 from drivers.sim.station import Listen, Station
 from drivers.sim.storage import MemoryStore
 
@@ -389,6 +390,23 @@ async def test_clear_undoes_everything(panel: ModulePanel, observer: Observer, l
     assert panel.state() == fresh
     assert (await observer.listen())[-1] == "701#00"
     assert await observer.send(0x601, READ_TYPE) == [TYPE_OF_1]
+
+
+async def test_the_watch_over_the_master_is_shown_with_its_times(
+    panel: ModulePanel, observer: Observer
+) -> None:
+    assert panel.state().watch == WatchSnapshot(None, None, None)
+    await observer.send(0x601, "23 16 10 01 C8 00 7F 00")  # 1016h:1: node 127, 200 ms
+    assert panel.state().watch == WatchSnapshot(127, None, None)
+    await observer.send(0x77F, "05")
+    armed = panel.state()
+    assert armed.watch.heard_at is not None
+    assert armed.watch.heard_at <= armed.clock
+    await asyncio.sleep(0.5)
+    expired = panel.state()
+    assert expired.watch.heard_at == armed.watch.heard_at
+    assert expired.watch.lost_at is not None
+    assert armed.watch.heard_at + 0.2 <= expired.watch.lost_at <= expired.clock
 
 
 async def test_a_snapshot_does_not_change_afterwards(panel: ModulePanel) -> None:

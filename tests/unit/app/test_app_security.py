@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Iterable
 
 import httpx
@@ -10,10 +11,13 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse
 from starlette.types import Message, Receive, Scope, Send
 
+from app.roles import Role
 from app.security import MAX_BODY, Policy, SecurityMiddleware
 from app.settings import ServerSettings
+from app.tickets import Tickets
+from app.tokens import Principal
 
-TOKEN = "correct-horse-battery"
+TOKEN = "correct-horse-battery-9"
 JSON = {"Content-Type": "application/json"}
 
 
@@ -24,7 +28,9 @@ async def yes(scope: Scope, receive: Receive, send: Send) -> None:
 
 def client(base: str = "http://127.0.0.1:8402", **server: object) -> httpx.AsyncClient:
     policy = Policy.of(ServerSettings.model_validate(server))
-    return httpx.AsyncClient(transport=httpx.ASGITransport(SecurityMiddleware(yes, policy)), base_url=base)
+    return httpx.AsyncClient(
+        transport=httpx.ASGITransport(SecurityMiddleware(yes, policy, Tickets())), base_url=base
+    )
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1:8402", "localhost:8402", "LOCALHOST:8402", "[::1]:8402"])
@@ -186,9 +192,11 @@ async def test_without_the_token_nothing_is_told(header: str | None) -> None:
 
 
 @pytest.mark.parametrize("query", ["token", "access_token", "authorization"])
-async def test_a_token_in_the_url_does_not_count(query: str) -> None:
+async def test_a_token_in_the_url_is_refused_even_beside_a_good_one(query: str) -> None:
     async with client(token=TOKEN) as http:
-        assert (await http.get(f"/x?{query}={TOKEN}")).status_code == 401
+        refused = await http.get(f"/x?{query}={TOKEN}", headers={"Authorization": f"Bearer {TOKEN}"})
+    assert (refused.status_code, refused.json()["code"]) == (400, "token_in_url")
+    assert TOKEN not in refused.text
 
 
 async def test_the_token_opens_and_probes_need_none() -> None:
@@ -230,19 +238,109 @@ async def test_a_request_that_breaks_off_is_not_carried_out() -> None:
 
     headers = [(b"host", b"localhost:8402"), (b"content-type", b"application/json")]
     scope = {"type": "http", "method": "POST", "path": "/x", "headers": headers}
-    await SecurityMiddleware(app, Policy.of(ServerSettings()))(scope, receive, send)
+    await SecurityMiddleware(app, Policy.of(ServerSettings()), Tickets())(scope, receive, send)
     assert not called
     assert not sent
 
 
-async def test_a_websocket_is_closed_before_it_is_accepted() -> None:
+class Socket:
+    """A WebSocket's handshake, as a server hands it to the application."""
+
+    def __init__(self, app: SecurityMiddleware) -> None:
+        self._app = app
+        self.sent: list[Message] = []
+
+    async def send(self, message: Message) -> None:
+        self.sent.append(message)
+
+    async def receive(self) -> Message:
+        return {"type": "websocket.connect"}
+
+    async def open(self, query: bytes = b"", **headers: str) -> Message:
+        """What the application says first."""
+        own = {"host": "localhost:8402", **headers}
+        scope: Scope = {"type": "websocket", "path": "/api/v1/jog", "query_string": query, "state": {}}
+        scope["headers"] = [(name.encode(), value.encode()) for name, value in own.items()]
+        await self._app(scope, self.receive, self.send)
+        return self.sent[-1]
+
+
+async def accepts(scope: Scope, receive: Receive, send: Send) -> None:
+    await send({"type": "websocket.accept"})
+
+
+@pytest.mark.parametrize(
+    ("headers", "code"),
+    [
+        ({"host": "evil.example"}, "misdirected"),
+        ({"origin": "http://evil.example"}, "forbidden_origin"),
+        ({"origin": "null"}, "forbidden_origin"),
+        ({"sec-fetch-site": "cross-site", "sec-fetch-mode": "websocket"}, "forbidden_origin"),
+        ({}, "unauthorized"),
+        ({"authorization": "Bearer x"}, "unauthorized"),
+    ],
+)
+async def test_a_websocket_is_refused_before_it_is_accepted(headers: dict[str, str], code: str) -> None:
+    policy = Policy.of(ServerSettings.model_validate({"token": TOKEN}))
+    said = await Socket(SecurityMiddleware(accepts, policy, Tickets())).open(**headers)
+    assert said == {"type": "websocket.close", "code": 1008, "reason": code}
+
+
+async def test_a_websocket_takes_a_token_or_a_ticket_of_enough_role_once() -> None:
+    tickets = Tickets()
+    socket = Socket(
+        SecurityMiddleware(accepts, Policy.of(ServerSettings.model_validate({"token": TOKEN})), tickets)
+    )
+    assert (await socket.open(authorization=f"Bearer {TOKEN}"))["type"] == "websocket.accept"
+    ticket = tickets.issue(Principal("a", Role.CONFIGURE))
+    assert (await socket.open(f"ticket={ticket}".encode()))["type"] == "websocket.accept"
+    assert (await socket.open(f"ticket={ticket}".encode()))["reason"] == "unauthorized"
+    low = tickets.issue(Principal("b", Role.MOVE))
+    assert (await socket.open(f"ticket={low}".encode()))["reason"] == "forbidden_role"
+
+
+async def test_a_ticket_opens_streams_alone() -> None:
+    tickets = Tickets()
+    policy = Policy.of(ServerSettings.model_validate({"token": TOKEN}))
+    transport = httpx.ASGITransport(SecurityMiddleware(yes, policy, tickets))
+    async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1:8402") as http:
+        ticket = tickets.issue(Principal("a", Role.CONFIGURE))
+        assert (await http.get(f"/api/v1/nodes?ticket={ticket}")).status_code == 401
+        assert (await http.get(f"/api/v1/events?ticket={ticket}")).status_code == 200
+        assert (await http.get(f"/api/v1/events?ticket={ticket}")).status_code == 401
+
+
+async def test_a_flood_is_slowed_down_and_never_a_stop() -> None:
+    async with client(requests_per_second=10) as http:
+        answers = [(await http.get("/x")).status_code for _ in range(30)]
+        refused = await http.post("/api/v1/nodes/1/axes/0/move", headers=JSON)
+        stops = [(await http.post("/api/v1/stop")).status_code for _ in range(30)]
+    assert answers[:10] == [200] * 10
+    assert 429 in answers
+    assert (refused.status_code, refused.json()["code"]) == (429, "too_many_requests")
+    assert int(refused.headers["retry-after"]) >= 1
+    assert stops == [200] * 30
+
+
+@pytest.mark.looptime
+async def test_a_body_that_never_ends_is_not_waited_for() -> None:
+    asked = 0
+
+    async def receive() -> Message:
+        nonlocal asked
+        asked += 1
+        await asyncio.sleep(1)
+        return {"type": "http.request", "body": b" ", "more_body": True}
+
     sent: list[Message] = []
 
     async def send(message: Message) -> None:
         sent.append(message)
 
-    async def receive() -> Message:
-        return {"type": "websocket.connect"}
-
-    await SecurityMiddleware(yes, Policy.of(ServerSettings()))({"type": "websocket"}, receive, send)
-    assert [message["type"] for message in sent] == ["websocket.close"]
+    headers = [(b"host", b"localhost:8402"), (b"content-type", b"application/json")]
+    scope = {"type": "http", "method": "POST", "path": "/x", "headers": headers}
+    policy = Policy.of(ServerSettings(request_timeout=5))
+    await SecurityMiddleware(yes, policy, Tickets())(scope, receive, send)
+    assert sent[0]["status"] == 408
+    assert (b"connection", b"close") in sent[0]["headers"]
+    assert asked <= 6

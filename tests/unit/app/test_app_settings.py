@@ -11,6 +11,8 @@ from app.commands.simulate import parse_nodes
 from app.main import create_app
 from app.settings import AxisSettings, Settings, SettingsError, load_settings
 
+TOKEN = "0f1e2d3c4b5a69788796a5b4c3d2e1f0"
+
 
 @pytest.fixture(autouse=True)
 def _in_an_empty_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -107,7 +109,7 @@ def test_what_the_drivers_refuse_names_the_axis() -> None:
 def test_another_address_needs_a_token(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match="token"):
         load_settings(None, {"server": {"host": "0.0.0.0"}}).check_exposure()
-    load_settings(None, {"server": {"host": "0.0.0.0", "token": "0123456789abcdef"}}).check_exposure()
+    load_settings(None, {"server": {"host": "0.0.0.0", "token": TOKEN}}).check_exposure()
     for host in ("127.0.0.9", "localhost", "::1"):
         load_settings(None, {"server": {"host": host}}).check_exposure()
 
@@ -120,22 +122,25 @@ def test_no_address_that_others_reach_goes_without_a_token(host: str) -> None:
         load_settings(None, {"server": {"host": host}}).check_exposure()
 
 
-def test_the_token_file_must_be_private_and_long_enough(tmp_path: Path) -> None:
-    file = write(tmp_path / "token", "0123456789abcdef\n")
+@pytest.mark.parametrize("token", ["0123456789abcdef", "a" * 40, "0f1e2d3c 4b5a69788796a5b4c3d2", "ö" * 22])
+def test_a_token_that_could_be_guessed_is_refused_and_not_shown(token: str) -> None:
+    with pytest.raises(SettingsError, match=r"server\.token: ") as caught:
+        load_settings(None, {"server": {"token": token}})
+    assert token not in str(caught.value)
+
+
+def test_settings_with_a_token_must_be_private(tmp_path: Path) -> None:
+    file = write(tmp_path / "canaxis.yaml", "server: {token: 0f1e2d3c4b5a69788796a5b4c3d2e1f0}\n")
     file.chmod(0o644)
-    server = load_settings(None, {"server": {"token_file": file}}).server
-    with pytest.raises(SettingsError, match="600"):
-        server.read_token()
+    with pytest.raises(SettingsError, match="chmod 600"):
+        load_settings(file)
     file.chmod(0o600)
-    assert server.read_token() == "0123456789abcdef"
-    write(file, "short")
-    with pytest.raises(SettingsError, match="16"):
-        server.read_token()
+    assert load_settings(file).server.has_token
 
 
 def test_the_token_is_not_shown() -> None:
-    settings = load_settings(None, {"server": {"token": "0123456789abcdef"}})
-    assert "0123456789abcdef" not in repr(settings)
+    settings = load_settings(None, {"server": {"token": TOKEN}})
+    assert TOKEN not in repr(settings)
 
 
 def test_command_line_texts() -> None:

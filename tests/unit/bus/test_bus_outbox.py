@@ -50,3 +50,16 @@ def test_clearing_counts_what_it_drops() -> None:
     outbox.put(Frame(0x000), 0.0, urgent=True)
     outbox.clear()
     assert (len(outbox), outbox.dropped) == (0, 2)
+
+
+def test_what_is_superseded_is_taken_back_from_both_queues() -> None:
+    box = Outbox()
+    for number, urgent in ((0x201, False), (0x301, False), (0x201, True), (0x401, True)):
+        box.put(Frame(number), 0.0, urgent=urgent)
+    assert box.withdraw((0x201, 0x7FF)) == 2
+    left: list[int] = []
+    while (frame := box.foremost(0.0)) is not None:
+        left.append(frame.cob_id)
+        box.pop()
+    assert left == [0x401, 0x301]
+    assert box.dropped == 0

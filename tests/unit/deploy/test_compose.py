@@ -13,6 +13,8 @@ import yaml
 
 from app.settings import Settings, load_settings
 
+TOKEN = "0f1e2d3c4b5a69788796a5b4c3d2e1f0"
+
 ROOT = Path(__file__).parents[3]
 
 
@@ -43,13 +45,14 @@ def test_the_service_starts_after_the_simulator_listens(services: dict[str, Any]
 def test_the_environment_of_the_service_makes_settings_that_reach_the_simulator(
     services: dict[str, Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    environment = dict(services["service"]["environment"], CANAXIS_SERVER__TOKEN="0123456789abcdef")
+    environment = dict(services["service"]["environment"], CANAXIS_SERVER__TOKEN=TOKEN)
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
     monkeypatch.chdir(tmp_path)
     settings: Settings = load_settings()
     assert settings.bus.arguments()["host"] == "simulator"
-    assert settings.server.read_token() == "0123456789abcdef"
+    assert settings.server.token is not None
+    assert settings.server.token.get_secret_value() == TOKEN
 
 
 def test_the_dockerfile_installs_the_locked_dependencies_and_drops_root() -> None:
@@ -57,7 +60,7 @@ def test_the_dockerfile_installs_the_locked_dependencies_and_drops_root() -> Non
     assert "--require-hashes -r requirements.lock" in text
     assert "USER canaxis" in text
     copied = {line.split()[1] for line in text.splitlines() if line.startswith("COPY")}
-    for package in ("app", "drivers", "requirements.lock"):
+    for package in ("app", "canaxis", "drivers", "requirements.lock"):
         assert package in copied
         assert (ROOT / package).exists()
 
@@ -69,7 +72,7 @@ def test_docker_reads_the_compose_file_where_docker_is() -> None:
     result = subprocess.run(
         ["docker", "compose", "config", "--quiet"],
         cwd=ROOT,
-        env={**os.environ, "CANAXIS_TOKEN": "0123456789abcdef"},
+        env={**os.environ, "CANAXIS_TOKEN": TOKEN},
         capture_output=True,
         text=True,
         check=False,

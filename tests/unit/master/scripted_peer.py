@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 
 from drivers.bus.frame import Frame
 from drivers.errors import BusDown
@@ -15,10 +16,10 @@ NODE = 5
 class ScriptedPeer:
     """The other side of one `SdoClient`."""
 
-    def __init__(self, timing: Timing | None = None) -> None:
+    def __init__(self, timing: Timing | None = None, remedy: Callable[[int], str] | None = None) -> None:
         self.asked: list[bytes] = []
         self.down = False
-        self.client = SdoClient(NODE, self._take, timing)
+        self.client = SdoClient(NODE, self._take, timing, remedy=remedy)
 
     def _take(self, frame: Frame) -> None:
         if self.down:

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from drivers.devices.layout import AxisLayout
 from drivers.errors import BadValue
 from drivers.master import AxisConfig, HomeRequest, MoveRequest, NetworkConfig, NodeConfig, VelocityRequest
 from drivers.master.guard import Guard, guard_of
-from drivers.master.ramps import move_duration
 
 
 @pytest.mark.parametrize(
@@ -65,26 +62,35 @@ def test_requests_beyond_the_module_are_refused(make) -> None:
         make()
 
 
+DANGEROUS = [0x1010, 0x1011, 0x1014, 0x1016, 0x1017, 0x1029, 0x2703, 0x2704, 0x2705, 0x2706, 0x2711, 0x5FFF]
+DANGEROUS += [0x1400, 0x15FF, 0x1600, 0x17FF, 0x1800, 0x19FF, 0x1A00, 0x1BFF]  # PDO records, first and last
+OF_EACH_AXIS = [0x2003, 0x2005, 0x200C, 0x20A1, 0x20A2, 0x20A3, 0x605A, 0x605E, 0x6065, 0x607D]
+
+
+@pytest.mark.parametrize("base", OF_EACH_AXIS)
+@pytest.mark.parametrize("axis", range(3))
+def test_what_is_dangerous_is_dangerous_on_every_axis(base: int, axis: int) -> None:
+    layout = AxisLayout(3)
+    assert guard_of(layout.index(base, axis), layout) is Guard.CONFIRM
+
+
+@pytest.mark.parametrize("index", DANGEROUS)
+def test_what_is_dangerous_for_the_module_needs_a_confirmation(index: int) -> None:
+    assert guard_of(index, AxisLayout(3)) is Guard.CONFIRM
+
+
+@pytest.mark.parametrize("base", [0x6040, 0x6060])
+@pytest.mark.parametrize("axis", range(3))
+def test_controlword_and_mode_are_the_axis_s_alone(base: int, axis: int) -> None:
+    layout = AxisLayout(3)
+    assert guard_of(layout.index(base, axis), layout) is Guard.NEVER
+
+
 def test_the_guard_knows_every_axis() -> None:
     layout = AxisLayout(3)
-    never = (0x6040, 0x6840, 0x7040, 0x6060, 0x7060, 0x5FFF)
+    never = (0x6040, 0x6840, 0x7040, 0x6060, 0x7060)
     confirm = (0x1010, 0x1016, 0x1029, 0x1400, 0x1A83, 0x2205, 0x2405, 0x20A2, 0x24A3, 0x2706, 0x705A, 0x687D)
     free = (0x6081, 0x2000, 0x6883, 0x6064, 0x1008)
     assert {guard_of(index, layout) for index in never} == {Guard.NEVER}
     assert {guard_of(index, layout) for index in confirm} == {Guard.CONFIRM}
     assert {guard_of(index, layout) for index in free} == {Guard.FREE}
-
-
-@given(st.floats(0, 1e9), st.floats(1, 1e7), st.floats(1, 1e7), st.floats(1, 1e7))
-def test_a_move_takes_at_least_what_its_velocity_allows(
-    distance: float, velocity: float, acceleration: float, deceleration: float
-) -> None:
-    duration = move_duration(distance, velocity, acceleration, deceleration)
-    assert duration >= distance / velocity * 0.999999
-    assert duration <= distance / velocity + velocity / acceleration + velocity / deceleration + 1e-6
-
-
-def test_a_triangle_and_a_trapezoid() -> None:
-    assert move_duration(100, 1000, 100, 100) == pytest.approx(2.0)
-    assert move_duration(2000, 100, 100, 100) == pytest.approx(21.0)
-    assert move_duration(0, 100, 100, 100) == 0

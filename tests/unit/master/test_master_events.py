@@ -82,3 +82,18 @@ async def test_since_admits_what_is_forgotten() -> None:
         hub.publish("bus", data={})
     assert hub.since(4) is None
     assert len(hub.since(5)) == HISTORY
+
+
+async def test_a_kind_is_wanted_as_long_as_somebody_subscribes_to_it() -> None:
+    hub = EventHub()
+    assert not hub.is_wanted("axis")
+    journal = hub.subscribe(kinds=frozenset({"bus"}))
+    assert (hub.is_wanted("axis"), hub.is_wanted("bus")) == (False, True)
+    everything = hub.subscribe()
+    assert hub.is_wanted("axis")
+    hub.publish("axis", node=1, axis=0, data={})
+    assert journal.take() is None
+    assert everything.take().id == hub.last_id
+    everything.close()
+    journal.close()
+    assert not hub.is_wanted("bus")

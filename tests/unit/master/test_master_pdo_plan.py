@@ -25,9 +25,9 @@ def test_axis_0_has_the_node_s_own_identifiers_and_the_others_borrow() -> None:
     plan = plan_of(1)
     axes = plan.nodes[1].axes
     assert plan.nodes[1].donors == (126, 125)
-    assert [pdo.cob_id for pdo in axes[0] if pdo.enabled] == [0x181, 0x281, 0x201, 0x301, 0x401]
-    assert [pdo.cob_id for pdo in axes[1] if pdo.enabled] == [0x1FE, 0x2FE, 0x27E, 0x37E, 0x47E]
-    assert [pdo.number for pdo in axes[2] if pdo.enabled] == [129, 130, 129, 130, 131]
+    assert [pdo.cob_id for pdo in axes[0] if pdo.enabled] == [0x181, 0x281, 0x201, 0x301, 0x401, 0x501]
+    assert [pdo.cob_id for pdo in axes[1] if pdo.enabled] == [0x1FE, 0x2FE, 0x27E, 0x37E, 0x47E, 0x57E]
+    assert [pdo.number for pdo in axes[2] if pdo.enabled] == [129, 130, 129, 130, 131, 132]
 
 
 def test_what_is_mapped_belongs_to_the_axis() -> None:
@@ -62,10 +62,17 @@ def test_no_cob_id_is_given_twice_or_restricted(node_ids: set[int]) -> None:
         )
     taken.update((cob.NMT, cob.SYNC, cob.TIME, cob.heartbeat(127)))
     assert max(taken.values()) == 1
-    assert len(taken) == 15 * len(node_ids) + 4 * len(node_ids) + 4
+    assert len(taken) == 18 * len(node_ids) + 4 * len(node_ids) + 4
     assert plan.nodes == plan_of(*sorted(node_ids, reverse=True)).nodes
 
 
 def test_too_many_axes_are_refused_before_anything_is_sent() -> None:
     with pytest.raises(BadValue, match="not enough free node IDs"):
         plan_of(*range(1, 44))
+
+
+def test_one_receive_pdo_waits_for_sync_and_the_others_do_not() -> None:
+    for axis in plan_of(1).nodes[1].axes:
+        assert axis.synchronous.transmission_type == 1
+        assert axis.synchronous.mapping == axis.position.mapping
+        assert {pdo.transmission_type for pdo in (axis.power, axis.position, axis.velocity)} == {0xFF}

@@ -112,7 +112,9 @@ def test_a_file_survives_the_process(tmp_path: Path) -> None:
     assert [entry.name for entry in path.parent.iterdir()] == ["module.json"]
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"2012": 1}', '{"2012h:0": "x"}'])
+@pytest.mark.parametrize(
+    "text", ["[" * 5000, '{"2000h:0": true}', "{", "[]", '{"2012": 1}', '{"2012h:0": "x"}']
+)
 def test_a_spoilt_file_is_told_and_counts_as_empty_at_power_on(tmp_path: Path, text: str) -> None:
     path = tmp_path / "module.json"
     path.write_text(text)

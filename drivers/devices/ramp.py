@@ -1,8 +1,8 @@
-"""Ramps in closed form: the EightPoint ramp, the trapezoid, velocity ramps, stops, and cyclic set points.
+"""Ramps in closed form, as the modules make them: EightPoint, trapezoid, velocity, stop, cyclic set points.
 
-Each `plan_*` gives one leg in one direction. Where a leg can't reach its goal because the motor runs the
-wrong way or too fast, the leg is a stop ramp: the caller waits out the ramp wait time at its end and plans
-again.
+For predictions, and for the simulated module. Each `plan_*` gives one leg in one direction. Where a leg
+can't reach its goal because the motor runs the wrong way or too fast, the leg is a stop ramp: the caller
+waits out the ramp wait time at its end and plans again.
 
 All in microsteps, microsteps/s, microsteps/s2, seconds.
 """
@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
-from drivers.sim.motion.trajectory import Segment, Trajectory, rest
+from drivers.devices.trajectory import Segment, Trajectory, rest
 
 
 @dataclass(frozen=True, slots=True)

@@ -83,6 +83,12 @@ class Trajectory:
         return self._times[-1]
 
     @property
+    def peak_speed(self) -> float:
+        """The highest speed on the way, microsteps/s."""
+        ends = (abs(s.velocity + s.acceleration * s.duration) for s in self._segments)
+        return max((*(abs(s.velocity) for s in self._segments), *ends, abs(self.final_velocity)))
+
+    @property
     def rests(self) -> bool:
         """Whether the end is a standstill."""
         return self.final_velocity == 0.0

@@ -1,0 +1,71 @@
+"""Who may do what: four roles, each of which includes those before it, and THE table of commands."""
+
+from __future__ import annotations
+
+import enum
+
+from starlette.routing import compile_path
+
+API = "/api/v1"
+"""Where the API is."""
+SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+WEBSOCKET = "WEBSOCKET"
+"""Stands for a method in the table, where the request is for a WebSocket."""
+
+
+class Role(enum.IntEnum):
+    """What a token entitles to."""
+
+    READ = 1
+    """Look at everything."""
+    STOP = 2
+    """Stop axes, end operations."""
+    MOVE = 3
+    """Enable, disable, home and move axes, acknowledge faults, release a latched stop."""
+    CONFIGURE = 4
+    """Write objects; whatever the table doesn't name."""
+
+    @property
+    def word(self) -> str:
+        """As it is written in settings, token files and replies."""
+        return self.name.lower()
+
+
+ROLES = {role.word: role for role in Role}
+
+_AXIS = f"{API}/nodes/{{node}}/axes/{{axis}}"
+COMMANDS: tuple[tuple[str, str, Role], ...] = (
+    ("POST", f"{API}/stop", Role.STOP),
+    ("POST", f"{_AXIS}/stop", Role.STOP),
+    ("POST", f"{_AXIS}/quick-stop", Role.STOP),
+    ("POST", f"{API}/operations/{{id}}/cancel", Role.STOP),  # a controlled stop of what the operation moves
+    ("POST", f"{_AXIS}/move", Role.MOVE),
+    ("POST", f"{_AXIS}/velocity", Role.MOVE),
+    ("POST", f"{_AXIS}/home", Role.MOVE),
+    ("POST", f"{_AXIS}/enable", Role.MOVE),
+    ("POST", f"{_AXIS}/disable", Role.MOVE),  # it takes the holding torque away
+    ("POST", f"{_AXIS}/reset-fault", Role.MOVE),
+    ("POST", f"{API}/stop/reset", Role.MOVE),  # after it, axes may move again
+    ("POST", f"{API}/tickets", Role.READ),  # a ticket is never worth more than the token it was asked with
+    ("POST", f"{API}/nodes/{{node}}/boot", Role.CONFIGURE),  # writes the node's parameters anew
+    ("POST", f"{API}/nodes/{{node}}/verify-failsafe", Role.CONFIGURE),  # lets an enabled axis fault
+    ("PUT", f"{API}/nodes/{{node}}/objects/{{index}}/{{sub}}", Role.CONFIGURE),
+)
+"""Every command of the API with the least role that may give it. What is missing here needs CONFIGURE."""
+
+_PATTERNS = tuple((method, compile_path(path)[0], role) for method, path, role in COMMANDS)
+
+
+def role_for(method: str, path: str) -> Role:
+    """The least role that a request needs."""
+    if method in SAFE_METHODS:
+        return Role.READ
+    for listed, pattern, role in _PATTERNS:
+        if listed == method and pattern.match(path):
+            return role
+    return Role.CONFIGURE
+
+
+def is_stop(path: str) -> bool:
+    """Whether a path stops something: one axis, or everything. Nothing may hold such a request back."""
+    return path.endswith(("/stop", "/quick-stop"))

@@ -1,0 +1,51 @@
+"""What every command that takes time has in common: written down, begun, waited for, answered."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any
+
+from fastapi import Depends, Response
+
+from app.deps import AskerDep, ServiceDep, WaitDep
+from app.operations import operation_path
+from app.schemas.operations import OperationReply
+from drivers.master.axis import Axis
+from drivers.master.motion import MotionKind, Undertaking
+
+
+class Starter:
+    """Starts the operation of one request."""
+
+    def __init__(self, service: ServiceDep, asker: AskerDep, wait: WaitDep, response: Response) -> None:
+        self._service = service
+        self._asker = asker
+        self._wait = wait
+        self._response = response
+
+    async def start(
+        self, kind: MotionKind, axis: Axis, asked: Mapping[str, Any], begin: Callable[[str], Undertaking]
+    ) -> OperationReply:
+        """Begin what `begin` makes of the operation's id, and wait as long as the client wants.
+
+        Raises what `begin` raises; then nothing was sent, and no operation is left behind.
+        """
+        operation = await self._service.command(
+            self._service.operations.start(
+                kind,
+                (axis,),
+                asked,
+                begin,
+                asked_by=self._asker.reply,
+                key=self._asker.idempotency_key,
+            )
+        )
+        ended = await self._wait.until_end(operation.motion)
+        self._response.headers["Location"] = operation_path(operation.id)
+        self._response.status_code = 200 if ended else 202
+        if self._wait.preferred:
+            self._response.headers["Preference-Applied"] = f"wait={self._wait.seconds:g}"
+        return operation.reply()
+
+
+StarterDep = Annotated[Starter, Depends()]

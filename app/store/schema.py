@@ -1,0 +1,37 @@
+"""The tables of the store, as numbered migrations: a file of any earlier version is brought up step by step.
+
+A migration that was released is never changed; what is to be different is a new one at the end.
+"""
+
+from __future__ import annotations
+
+OPERATIONS = """
+CREATE TABLE operations (
+    id TEXT PRIMARY KEY,
+    created REAL NOT NULL,
+    ended REAL,
+    state TEXT NOT NULL,
+    key TEXT,
+    document TEXT NOT NULL
+);
+CREATE INDEX operations_by_creation ON operations (created, id);
+CREATE INDEX operations_unended ON operations (id) WHERE ended IS NULL;
+CREATE INDEX operations_by_key ON operations (key) WHERE key IS NOT NULL;
+"""
+"""`created` and `ended` are seconds since 1970; `document` is the operation as the API shows it (JSON)."""
+
+KEYS = """
+CREATE TABLE keys (
+    key TEXT PRIMARY KEY,
+    born REAL NOT NULL,
+    fingerprint BLOB NOT NULL,
+    status INTEGER,
+    headers TEXT,
+    body BLOB
+);
+CREATE INDEX keys_by_birth ON keys (born);
+"""
+"""Idempotency keys; `status` is NULL until the first request with the key was answered."""
+
+MIGRATIONS: tuple[str, ...] = (OPERATIONS, KEYS)
+"""The schema's version is how many of them were applied (PRAGMA user_version)."""
