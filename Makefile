@@ -38,8 +38,23 @@ drift: $(VENV)/.dev  ## Fail if a committed generated file differs from what its
 	$(BIN)/canaxis eds print | diff -u drivers/devices/data/tmcm_3216.eds -
 
 .PHONY: bench
-bench: $(VENV)/.dev  ## Measure what simulated modules cost, idle and turning
-	$(BIN)/python bench/simulated_modules.py
+bench: $(VENV)/.dev  ## Measure the speed beside canopen's and canopen-asyncio's (see docs/benchmarks.md)
+	$(BIN)/python -m bench
+
+TARGET ?= all
+SECONDS ?= 60
+
+SEEDS ?= 5000
+FROM ?= 0
+PROCESSES ?= 2
+
+.PHONY: soak
+soak: $(VENV)/.dev  ## Play seeds of simulated trouble: SEEDS=5000 FROM=0 PROCESSES=2, or one alone: SEED=12345
+	$(BIN)/python tests/seeds $(if $(SEED),--seed $(SEED),--seeds $(SEEDS) --from $(FROM) --processes $(PROCESSES))
+
+.PHONY: fuzz
+fuzz: $(VENV)/.fuzz  ## Fuzz the decoders, guided by coverage: TARGET=name SECONDS=60 (each)
+	$(BIN)/python -m tests.fuzz $(TARGET) --seconds $(SECONDS)
 
 .PHONY: format
 format: $(VENV)/.dev  ## Put the source into the house's format
@@ -52,10 +67,18 @@ lock: $(VENV)/.dev  ## Resolve the dependencies anew, with hashes (needs `uv`)
 		--no-emit-index-url --extra build -o requirements.lock pyproject.toml
 	uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
 		--no-emit-index-url --extra build --extra dev -o requirements-dev.lock pyproject.toml
+	echo 'atheris==3.0.0' | uv pip compile -q --universal --python-version 3.11 --generate-hashes \
+		--no-annotate --no-header --no-emit-index-url -o requirements-fuzz.lock -
+
+.PHONY: audit
+audit: requirements.lock  ## Ask PyPI for known vulnerabilities of the locked dependencies (needs pypi.org)
+	$(PYTHON) -m venv $(VENV)/audit
+	$(VENV)/audit/bin/pip install --quiet --disable-pip-version-check pip-audit
+	$(VENV)/audit/bin/pip-audit --strict --disable-pip --require-hashes -r requirements.lock
 
 .PHONY: clean
 clean:  ## Remove what was set up
-	rm -rf $(VENV) .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) .fuzz .ruff_cache .hypothesis .import_linter_cache
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "canaxis needs Python 3.11 or newer; try: make PYTHON=python3.12 $(MAKECMDGOALS)")'
@@ -70,3 +93,7 @@ $(VENV)/.dev: requirements-dev.lock pyproject.toml | $(VENV)/bin/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-dev.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 	@touch $@ $(VENV)/.run
+
+$(VENV)/.fuzz: requirements-fuzz.lock $(VENV)/.dev
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes -r requirements-fuzz.lock
+	@touch $@

@@ -1,7 +1,5 @@
 """What simulated modules cost: CPU of this process while N of them idle, and while all their axes turn.
 
-    python bench/simulated_modules.py [--modules 20] [--seconds 10]
-
 Each module turns three axes at a constant velocity (pv) and sends two TPDOs per axis every 10 ms (statusword;
 position and velocity), on one in-memory wire without a bit rate: nothing but the modules and the wire is
 measured. 100 % is one core.
@@ -9,10 +7,12 @@ measured. 100 % is one core.
 
 from __future__ import annotations
 
-import argparse
 import asyncio
+import sys
 import time
 
+from bench.parts import main
+from bench.report import Row
 from drivers.bus.frame import Frame
 from drivers.bus.memory import MemoryWire
 from drivers.cia301 import cob
@@ -30,6 +30,9 @@ from drivers.sim.station import Station
 
 ENDLESS = AxisSettings(travel_min=None, travel_max=None, negative_limit=None, positive_limit=None)
 PERIOD_100US = 100
+MODULES = 20
+SETTLING = 1.0
+"""Seconds after which all axes turn."""
 
 
 def write(module: SimulatedModule, profile: DeviceProfile, address: Address, value: int, now: float) -> None:
@@ -84,8 +87,8 @@ async def share_of_a_core(seconds: float) -> float:
     return 100 * (time.process_time() - cpu) / (time.perf_counter() - wall)
 
 
-async def main(modules: int, seconds: float) -> None:
-    """Measure idle first, then turning, and print both."""
+async def measure(modules: int, seconds: float) -> tuple[float, float, float]:
+    """Per cent of a core while all idle and while all turn, and the frames/s of the latter."""
     profile = Catalog.load().profile("TMCM-3216")
     wire = MemoryWire()
     async with Station(tuple(range(1, modules + 1)), profile, wire=wire, axes=(ENDLESS,) * 3) as station:
@@ -100,18 +103,23 @@ async def main(modules: int, seconds: float) -> None:
             station.node(node_id).apply(lambda module, now: set_turning(module, now, profile))
         start = Frame(0, encode(NmtCommand.START, 0))
         wire.inject(start)
-        await asyncio.sleep(1.0)
+        await asyncio.sleep(SETTLING)
         end = wire.tap(count)
         turning = await share_of_a_core(seconds)
         end()
-    print(f"{modules} modules, {3 * modules} axes, {seconds:g} s each")
-    print(f"idle     {idle:6.2f} % of a core")
-    print(f"turning  {turning:6.2f} % of a core, {frames / seconds:,.0f} frames/s")
+    return idle, turning, frames / seconds
+
+
+def run(rounds: int, seconds: float) -> list[Row]:
+    """See `bench.parts.Part`."""
+    idle, turning, rate = zip(*(asyncio.run(measure(MODULES, seconds)) for _ in range(rounds)), strict=True)
+    axes = 3 * MODULES
+    return [
+        Row.alone(f"{MODULES} simulated modules, idle", "% of a core", idle),
+        Row.alone(f"the same, {axes} axes turning", "% of a core", turning),
+        Row.alone("frames that they send then", "1/s", rate),
+    ]
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("--modules", type=int, default=20)
-    parser.add_argument("--seconds", type=float, default=10.0)
-    arguments = parser.parse_args()
-    asyncio.run(main(arguments.modules, arguments.seconds))
+    sys.exit(main(("simulated_modules",)))
