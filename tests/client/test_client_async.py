@@ -1,0 +1,123 @@
+"""`AsyncClient` on a service in this process, on a virtual clock; lost answers move nothing twice."""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+
+import httpx
+import pytest
+from api_bench import URL, Bench, running
+
+import canaxis
+from canaxis import AsyncClient, AxisFault, Conflict, NodeAway, OperationCancelled, WaitTimeout
+
+pytestmark = pytest.mark.looptime
+
+
+class Lossy(httpx.ASGITransport):
+    """Loses the answers to the next `lose` commands, after the service has carried them out."""
+
+    lose = 0
+
+    async def handle_async_request(self, request: httpx.Request) -> httpx.Response:
+        response = await super().handle_async_request(request)
+        if request.method != "GET" and self.lose > 0:
+            self.lose -= 1
+            raise httpx.ReadError("the cable was pulled", request=request)
+        return response
+
+
+def over(transport: httpx.ASGITransport) -> AsyncClient:
+    return AsyncClient(URL, http=httpx.AsyncClient(transport=transport))
+
+
+async def test_from_enabling_to_the_end_of_a_move(bench: Bench) -> None:
+    client = over(httpx.ASGITransport(bench.app))
+    axis = client.node("stage").axis("x")
+    assert (await axis.enable()).state == "operation_enabled"
+    move = await axis.move(200_000, "steps")
+    with pytest.raises(WaitTimeout, match="goes on"):
+        await move.wait(timeout=0.5)
+    assert move.state == "running"
+    await move.wait()
+    assert (await axis.status()).position == move.evidence.axes[0].end
+    assert move.error is None
+    await axis.disable()
+
+
+async def test_a_cancelled_operation_says_so_to_who_waits(bench: Bench) -> None:
+    client = over(httpx.ASGITransport(bench.app))
+    axis = client.node(1).axis(0)
+    await axis.enable()
+    move = await axis.move(10_000_000, "steps")
+    waiting = asyncio.create_task(move.wait())
+    await bench.until_moving()
+    assert (await (await client.operation(move.id)).cancel()).state == "cancelled"
+    with pytest.raises(OperationCancelled):
+        await waiting
+
+
+async def test_a_motion_that_fails_raises_what_it_failed_with(bench: Bench) -> None:
+    client = over(httpx.ASGITransport(bench.app))
+    axis = client.node(1).axis(0)
+    await axis.enable()
+    move = await axis.move(10_000_000, "steps")
+    await bench.until_moving()
+    bench.module.apply(lambda module, at: module.axes[0].supply(5.0, at))
+    with pytest.raises(AxisFault, match="Undervoltage") as failed:
+        await move.wait()
+    assert "supply" in failed.value.hint
+    assert move.state == "failed"
+    assert [emergency.title for emergency in move.evidence.emergencies] == ["Undervoltage"]
+    with pytest.raises(Conflict):  # NotReady, or Busy while it is being stopped
+        await axis.move(0, "steps")
+
+
+@pytest.mark.parametrize("lost", [1, 3])
+async def test_a_move_whose_answer_is_lost_is_carried_out_once(bench: Bench, lost: int) -> None:
+    transport = Lossy(bench.app)
+    client = over(transport)
+    axis = client.node(1).axis(0)
+    await axis.enable()
+    transport.lose = lost
+    move = await axis.move(20_000, "steps", relative=True)
+    await move.wait()
+    position = (await axis.status()).position
+    assert position is not None
+    assert position.steps == 20_000
+    assert [operation.id for operation in await client.operations()] == [move.id]
+    assert transport.lose == 0
+
+
+async def test_an_own_key_is_one_command_also_from_another_client(bench: Bench) -> None:
+    ids: set[str] = set()
+    for _ in range(2):
+        axis = over(httpx.ASGITransport(bench.app)).node(1).axis(0)
+        await axis.enable()
+        ids.add((await (await axis.move(500, "steps", relative=True, key="well-A1")).wait()).id)
+    assert len(ids) == 1
+
+
+async def test_a_module_that_is_away_is_an_answer_and_no_reason_to_ask_again() -> None:
+    async with running(powered=False) as bench:
+        client = over(httpx.ASGITransport(bench.app))
+        ready = await client.ready()
+        assert not ready.ready
+        assert "absent" in ready.reasons[0]
+        with pytest.raises(NodeAway) as away:
+            await client.node("stage").axis("x").enable()
+        assert (away.value.status, away.value.code) == (503, "node_away")
+
+
+@pytest.mark.parametrize("name", ["Client", "Node", "Axis", "Operation"])
+def test_both_clients_say_the_same(name: str) -> None:
+    one, other = getattr(canaxis, name), getattr(canaxis, f"Async{name}")
+    public = {each for each in vars(one) if not each.startswith("_")}
+    assert public == {each for each in vars(other) if not each.startswith("_")}
+    for each in public:
+        plain, awaited = getattr(one, each), getattr(other, each)
+        assert inspect.getdoc(awaited) == (inspect.getdoc(plain) or "").replace("`Client", "`AsyncClient")
+        if callable(plain):
+            wanted, got = (list(inspect.signature(f).parameters.values()) for f in (plain, awaited))
+            assert [(p.name, p.kind, p.default) for p in got] == [(p.name, p.kind, p.default) for p in wanted]
