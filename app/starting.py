@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any
 
 from fastapi import Depends, Response
@@ -24,7 +24,11 @@ class Starter:
         self._response = response
 
     async def start(
-        self, kind: MotionKind, axis: Axis, asked: Mapping[str, Any], begin: Callable[[str], Undertaking]
+        self,
+        kind: MotionKind,
+        axes: Axis | Sequence[Axis],
+        asked: Mapping[str, Any],
+        begin: Callable[[str], Undertaking],
     ) -> OperationReply:
         """Begin what `begin` makes of the operation's id, and wait as long as the client wants.
 
@@ -33,7 +37,7 @@ class Starter:
         operation = await self._service.command(
             self._service.operations.start(
                 kind,
-                (axis,),
+                (axes,) if isinstance(axes, Axis) else tuple(axes),
                 asked,
                 begin,
                 asked_by=self._asker.reply,
