@@ -21,6 +21,7 @@ from app.settings import Settings
 from app.store.database import Database
 from app.streams import Streams
 from app.tickets import Tickets
+from app.units import Meant
 from drivers.errors import BusDown
 from drivers.master.network import Network
 
@@ -47,6 +48,8 @@ class Service:
             keep_days=settings.store.keep_days,
             keep_number=settings.store.keep_operations,
         )
+        self.meant = Meant()
+        """Where moves were meant to end, so that rounding doesn't add up."""
         self.streams = Streams(self, settings.server.max_streams)
         self.metrics = Metrics(self)
         self.bus_problem: str | None = "The bus was not opened yet."

@@ -1,8 +1,8 @@
 """One tree of settings: a YAML or TOML file, then environment variables, then what a command line says.
 
 The bus speaks python-can's own vocabulary (`interface`, `channel`, `bitrate`, and whatever else its interface
-takes under `options`). Lengths, speeds and accelerations of an axis are in the axis's own `unit`; the drivers
-get steps. A key that isn't known is an error that names the key.
+takes under `options`). Lengths, speeds and accelerations of an axis are in the axis's own `unit` or name
+theirs (`axis_settings`). A key that isn't known is an error that names the key.
 """
 
 from __future__ import annotations
@@ -16,55 +16,26 @@ from typing import Annotated, Any, Self, cast
 
 import yaml
 from platformdirs import user_state_path
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    Field,
-    SecretStr,
-    ValidationError,
-    field_validator,
-    model_validator,
-)
+from pydantic import Field, SecretStr, ValidationError, field_validator, model_validator
 from pydantic_settings import BaseSettings, EnvSettingsSource, PydanticBaseSettingsSource, SettingsConfigDict
 from pydantic_settings import SettingsError as UnreadableVariable
 
+from app.axis_settings import AxisSettings, Name, Section, SettingsError
 from drivers.errors import BadValue
-from drivers.master.config import AxisConfig, NetworkConfig, NodeConfig
+from drivers.master.config import NetworkConfig, NodeConfig
+
+__all__ = ["AxisSettings", "Settings", "SettingsError", "load_settings"]
 
 ENV_PREFIX = "CANAXIS_"
 CONFIG_VARIABLE = "CANAXIS_CONFIG"
 DEFAULT_FILE = Path("canaxis.yaml")
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-_RATES = (
-    "velocity",
-    "acceleration",
-    "deceleration",
-    "quick_stop_deceleration",
-    "start_velocity",
-    "end_velocity",
-    "homing_fast",
-    "homing_slow",
-    "homing_acceleration",
-)
-Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,62}$")]
-
 
 TOKEN_LENGTH = 22
 """Characters of a token: 128 random bits in base64; in hexadecimal they are 32."""
 TOKEN_VARIETY = 8
 """Different characters that a random token surely has, unlike most made up."""
-
-
-class SettingsError(Exception):
-    """The settings can't be used; the text says which key and why, one line for each."""
-
-
-class Section(BaseModel):
-    """A part of the tree; refuses keys that it doesn't know."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
 
 class BusSettings(Section):
@@ -170,70 +141,6 @@ class LogSettings(Section):
 
     level: str = Field(default="info", pattern="^(debug|info|warning|error)$")
     format: str = Field(default="console", pattern="^(console|json)$")
-
-
-class AxisSettings(Section):
-    """One axis; what is left out keeps the driver's default, which is given in steps."""
-
-    name: Name
-    unit: str = Field(default="steps", pattern=r"^[A-Za-z°µ%][A-Za-z0-9°µ%]{0,15}$")
-    steps_per_unit: float = Field(
-        default=1.0,
-        allow_inf_nan=False,
-        description="Microsteps in one unit; negative turns the axis around.",
-    )
-    velocity: Positive | None = Field(default=None, description="unit/s")
-    acceleration: Positive | None = Field(default=None, description="unit/s2")
-    deceleration: Positive | None = Field(default=None, description="unit/s2")
-    quick_stop_deceleration: Positive | None = Field(default=None, description="unit/s2")
-    start_velocity: NotNegative | None = Field(default=None, description="unit/s")
-    end_velocity: NotNegative | None = Field(default=None, description="unit/s")
-    homing_method: int | None = Field(default=None, ge=-128, le=127)
-    homing_fast: Positive | None = Field(default=None, description="unit/s")
-    homing_slow: Positive | None = Field(default=None, description="unit/s")
-    homing_acceleration: Positive | None = Field(default=None, description="unit/s2")
-    soft_limits: tuple[float, float] | None = Field(default=None, description="unit; lower, upper")
-    home_offset: float | None = Field(default=None, allow_inf_nan=False, description="unit")
-    position_tolerance: NotNegative | None = Field(default=None, description="unit; only with an encoder")
-    switch_parameters: int | None = Field(default=None, ge=0, le=63, description="Object 2005h.")
-    require_homing: bool | None = None
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        if self.steps_per_unit == 0:
-            raise ValueError("steps_per_unit must not be 0")
-        if self.unit == "steps" and self.steps_per_unit != 1.0:
-            raise ValueError("steps_per_unit must be 1 where the unit is steps; name the unit, e.g. mm")
-        if self.soft_limits is not None and self.soft_limits[0] >= self.soft_limits[1]:
-            raise ValueError("soft_limits: the lower limit must be below the upper one")
-        return self
-
-    def to_config(self) -> AxisConfig:
-        """The same in steps. Raises `SettingsError` for a number beyond all range."""
-        values: dict[str, Any] = {}
-        for key in _RATES:
-            value = cast("float | None", getattr(self, key))
-            if value is not None:
-                values[key] = max(1, abs(self._steps(key, value))) if value else 0
-        for key in ("homing_method", "switch_parameters", "require_homing"):
-            if (value := getattr(self, key)) is not None:
-                values[key] = value
-        if self.home_offset is not None:
-            values["home_offset"] = self._steps("home_offset", self.home_offset)
-        if self.position_tolerance is not None:
-            values["position_tolerance"] = abs(self._steps("position_tolerance", self.position_tolerance))
-        if self.soft_limits is not None:
-            lower, upper = sorted(self._steps("soft_limits", limit) for limit in self.soft_limits)
-            values["soft_limits"] = (lower, upper)
-        return AxisConfig(name=self.name, unit=self.unit, steps_per_unit=self.steps_per_unit, **values)
-
-    def _steps(self, key: str, value: float) -> int:
-        try:
-            return round(value * self.steps_per_unit)
-        except (OverflowError, ValueError) as error:
-            raise SettingsError(
-                f"axis {self.name}: {key}: {value:g} {self.unit} is no number of steps"
-            ) from error
 
 
 def _three_axes() -> tuple[AxisSettings, ...]:

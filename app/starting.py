@@ -19,6 +19,7 @@ class Starter:
 
     def __init__(self, service: ServiceDep, asker: AskerDep, wait: WaitDep, response: Response) -> None:
         self._service = service
+        self.meant = service.meant
         self._asker = asker
         self._wait = wait
         self._response = response

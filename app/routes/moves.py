@@ -15,7 +15,7 @@ from app.schemas.axes import HomeBody, MoveBody, VelocityBody
 from app.schemas.operations import OperationReply
 from app.starting import StarterDep
 from app.units import Scale
-from drivers.master.motion import MotionKind
+from drivers.master.motion import Motion, MotionKind
 from drivers.master.requests import HomeRequest, MoveRequest, VelocityRequest
 
 ANSWERS: Responses = {
@@ -46,20 +46,22 @@ router = APIRouter(
 async def move_axis(body: MoveBody, axis: AxisDep, starter: StarterDep) -> OperationReply:
     """Go to a position, or by a distance. Refused with a reason if the axis can't; nothing is sent then."""
     scale = Scale.named(body.unit, axis.config)
+    target, aim = starter.meant.target(axis, scale.exact("target", body.target), relative=body.relative)
     request = MoveRequest(
-        target=scale.steps("target", body.target),
+        target=target,
         relative=body.relative,
         velocity=scale.rate("velocity", body.velocity),
         acceleration=scale.rate("acceleration", body.acceleration),
         deceleration=scale.rate("deceleration", body.deceleration),
     )
-    asked = body.model_dump(exclude_none=True) | {"target_steps": request.target}
-    return await starter.start(
-        MotionKind.MOVE,
-        axis,
-        asked,
-        lambda operation_id: axis.move_to(request, undertaking_id=operation_id),
-    )
+    asked = body.model_dump(exclude_none=True) | scale.commanded("target", body.target, request.target)
+
+    def begin(operation_id: str) -> Motion:
+        motion = axis.move_to(request, undertaking_id=operation_id)
+        starter.meant.sent(axis, aim)
+        return motion
+
+    return await starter.start(MotionKind.MOVE, axis, asked, begin)
 
 
 @router.post("/velocity", summary="Run at a speed", status_code=202)
@@ -73,7 +75,7 @@ async def run_axis(body: VelocityBody, axis: AxisDep, starter: StarterDep) -> Op
         velocity=scale.steps("velocity", body.velocity),
         acceleration=scale.rate("acceleration", body.acceleration),
     )
-    asked = body.model_dump(exclude_none=True) | {"velocity_steps": request.velocity}
+    asked = body.model_dump(exclude_none=True) | scale.commanded("velocity", body.velocity, request.velocity)
     return await starter.start(
         MotionKind.VELOCITY,
         axis,

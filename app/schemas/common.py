@@ -69,7 +69,8 @@ Unit = Annotated[
     Field(
         min_length=1,
         max_length=16,
-        description="`steps` (microsteps), or the unit that the axis is configured with.",
+        description="`steps` (microsteps), the unit that the axis is configured with, or one that follows "
+        "from that or from its gearing: mm and um, deg and turns.",
         examples=["steps"],
     ),
 ]

@@ -113,7 +113,10 @@ class OperationReply(Reply):
     axes: list[OperationAxis] = Field(description="Every axis that takes part.")
     state: OperationState
     progress: float | None = Field(description="0 to 1, where it can be told.")
-    request: dict[str, Any] = Field(description="What was asked, with the steps that it came to.")
+    request: dict[str, Any] = Field(
+        description="What was asked; for a target or a velocity also the steps that are commanded, the same "
+        "in the unit that was asked in, and `rounded_by`: what is commanded less what was asked."
+    )
     result: dict[str, Any] | None = Field(description="What came of it, once it succeeded.")
     error: Problem | None = Field(description="Why it failed.")
     reason: str | None = Field(description="Why it failed or was cancelled, as a sentence.")

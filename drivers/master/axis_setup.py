@@ -16,6 +16,8 @@ from drivers.master.config import INT32_MAX, INT32_MIN
 from drivers.master.establish import Establisher
 from drivers.master.sdo_client import Priority
 
+MICROSTEPS = 0x2000
+FULL_STEPS = 0x2001
 SWITCH_PARAMETERS = 0x2005
 START_VELOCITY = 0x2010
 DECELERATION_D1 = 0x2013
@@ -98,11 +100,17 @@ class AxisSetup:
 
     @property
     def _without_power(self) -> dict[int, int]:
-        """What the module takes in SWITCH_ON_DISABLED only."""
-        return {
-            VELOCITY_DIMENSION: PULSES_PER_SECOND,
-            SWITCH_PARAMETERS: self._tools.config.switch_parameters,
-        }
+        """What the module takes in SWITCH_ON_DISABLED only, and what must not change under a held motor.
+
+        The manual lets 2000h and 2001h be written at any time (§4.2.1, §4.2.2), but they change what a step
+        is.
+        """
+        config = self._tools.config
+        wanted = {VELOCITY_DIMENSION: PULSES_PER_SECOND, SWITCH_PARAMETERS: config.switch_parameters}
+        if config.gearing is not None:
+            wanted[MICROSTEPS] = config.gearing.microstep_exponent
+            wanted[FULL_STEPS] = config.gearing.full_steps
+        return wanted
 
     async def _establish_without_power(self) -> None:
         for index, value in self._without_power.items():

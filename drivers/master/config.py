@@ -6,9 +6,13 @@ while 208Ch is 181 (manual §4.2.19). Everything is checked when it is made, bef
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from fractions import Fraction
 
 from drivers.errors import BadValue
+from drivers.master.gearing import STEPS, Gearing, exact, relatives
 
 INT32_MIN = -(2**31)
 INT32_MAX = 2**31 - 1
@@ -16,6 +20,9 @@ HIGHEST_RATE = 16_777_215
 """The highest velocity or acceleration that the ramp generator's registers take (ranges in manual §4.2.11
 ff.).
 """
+
+_LARGEST_TERM = 10**15
+"""Of a gear's or a pitch's ratio, so that numbers stay handy."""
 
 
 def _require(condition: bool, message: str) -> None:
@@ -31,8 +38,16 @@ class AxisConfig:
     """Unique on its node; not a bare number."""
     unit: str = "steps"
     """The user's unit of length or angle, e.g. ``mm``."""
-    steps_per_unit: float = 1.0
-    """Steps in one `unit`; negative turns the direction around."""
+    steps_per_unit: float | Fraction = Fraction(1)
+    """Steps in one `unit`, taken exactly as written; negative turns the direction around. With `gearing` it
+    follows from that.
+    """
+    gearing: Gearing | None = None
+    """Motor, gear and pitch; 2000h and 2001h are written to match. None: `steps_per_unit` says it all, and
+    the module keeps its resolution.
+    """
+    units: Mapping[str, Fraction] = field(init=False, repr=False, compare=False)
+    """Steps in one of each unit that the axis can be commanded in: `unit`, and what follows from it."""
     velocity: int = 51_200
     """6081h, steps/s, 1..16777215: one turn a second of a 200-step motor at 256 microsteps."""
     acceleration: int = 102_400
@@ -69,10 +84,7 @@ class AxisConfig:
         _require(bool(self.name.strip()), "An axis needs a name.")
         _require(not self.name.strip().isdecimal(), f"{where}: a name must not be a bare number.")
         _require(bool(self.unit.strip()), f"{where}: the unit must not be empty.")
-        _require(
-            self.steps_per_unit == self.steps_per_unit and 0 < abs(self.steps_per_unit) < 1e12,
-            f"{where}: steps_per_unit must be a finite number other than 0.",
-        )
+        self._settle_units(where)
         for name in (
             "velocity", "acceleration", "deceleration", "quick_stop_deceleration",
             "homing_fast", "homing_slow", "homing_acceleration",
@@ -93,6 +105,27 @@ class AxisConfig:
                 f"{where}: soft_limits must be (lowest, highest), 32 bits.",
             )
 
+    def _settle_units(self, where: str) -> None:
+        known = {STEPS: Fraction(1)}
+        if self.gearing is not None:
+            _check_gearing(where, self.gearing)
+            known |= self.gearing.units
+            _require(
+                self.unit in known,
+                f"{where}: the unit {self.unit} does not follow from the gearing; {', '.join(known)} do "
+                "(a length needs a pitch).",
+            )
+            object.__setattr__(self, "steps_per_unit", known[self.unit])
+        else:
+            per_unit = self.steps_per_unit
+            _require(
+                math.isfinite(per_unit) and 1e-9 <= abs(per_unit) < 1e12,
+                f"{where}: steps_per_unit must be a finite number from 1e-9 to 1e12, negative or not.",
+            )
+            object.__setattr__(self, "steps_per_unit", exact(per_unit))
+            known = relatives(self.unit, exact(per_unit)) | known
+        object.__setattr__(self, "units", known)
+
     @property
     def target_range(self) -> tuple[int, int]:
         """The targets that the drive takes: `soft_limits` corrected by `home_offset` (manual §6.1.11)."""
@@ -100,6 +133,23 @@ class AxisConfig:
             return INT32_MIN, INT32_MAX
         low, high = self.soft_limits
         return max(INT32_MIN, low - self.home_offset), min(INT32_MAX, high - self.home_offset)
+
+
+def _check_gearing(where: str, gearing: Gearing) -> None:
+    _require(
+        1 <= gearing.full_steps <= 65_535, f"{where}: full_steps must be 1..65535 (2001h, manual §4.2.2)."
+    )
+    _require(
+        gearing.microsteps in {1 << exponent for exponent in range(9)},
+        f"{where}: microsteps must be a power of 2 from 1 to 256 (2000h, manual §4.2.1).",
+    )
+    _require(gearing.direction in (1, -1), f"{where}: direction must be 1 or -1.")
+    for name, ratio in (("gear", gearing.gear), ("pitch", gearing.pitch_um)):
+        if ratio is not None:
+            _require(
+                ratio > 0 and max(ratio.numerator, ratio.denominator) <= _LARGEST_TERM,
+                f"{where}: {name} must be above 0, with at most 15 digits.",
+            )
 
 
 @dataclass(frozen=True, slots=True)

@@ -126,6 +126,24 @@ async def test_units_are_the_axis_own_or_steps() -> None:
         assert "mm" in refused.json()["hint"]
 
 
+async def test_a_geared_axis_is_told_in_any_of_its_units_and_relative_moves_add_no_rounding_up() -> None:
+    axis = {"name": "x", "unit": "mm", "gear": "3:1", "pitch": "7 mm", "velocity": "50 mm/s"}
+    settings = Settings.model_validate({"nodes": [{"id": 1, "name": "stage", "axes": [axis]}]})
+    async with running(settings) as bench:
+        await bench.until_ready()
+        await bench.enable("x")
+        done = (await bench.post("/nodes/1/axes/x/move?wait=60", {"target": 0.5, "unit": "turns"})).json()
+        assert done["result"]["position"] == {"steps": 76_800, "value": 3.5, "unit": "mm"}
+        assert (done["request"]["target_commanded"], done["request"]["rounded_by"]) == (0.5, 0)
+        await bench.move(0, axis="x", wait=60)
+        for _ in range(5):
+            body = {"target": 10, "unit": "µm", "relative": True}  # 219.43 steps
+            done = (await bench.post("/nodes/1/axes/x/move?wait=60", body)).json()
+        assert done["result"]["position"]["steps"] == round(5 * 10 * 3 * 51_200 / 7000) == 1097
+        assert done["request"]["target_steps"] == 219
+        assert abs(done["request"]["rounded_by"] + 0.0195) < 1e-3
+
+
 MOVE = '{"target": %s, "unit": "steps"}'
 
 

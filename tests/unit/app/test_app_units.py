@@ -33,7 +33,7 @@ def test_an_unknown_unit_says_which_are_known() -> None:
     with pytest.raises(ApiError) as caught:
         Scale.named("inch", MM)
     assert caught.value.type.status == 422
-    assert caught.value.hint == "Give the number in steps or mm."
+    assert caught.value.hint == "Give the number in steps, mm or um."
 
 
 @pytest.mark.parametrize("value", [1e308, 10**400])
