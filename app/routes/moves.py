@@ -11,12 +11,12 @@ from app.deps import AxisDep, command_headers
 from app.documentation import MOVING, Responses, operation_links, problems
 from app.problems import ApiError
 from app.replies import location_header, preference_header
-from app.schemas.axes import HomeBody, MoveBody, VelocityBody
+from app.schemas.axes import HomeBody, MoveBody, SetPositionBody, VelocityBody
 from app.schemas.operations import OperationReply
 from app.starting import StarterDep
 from app.units import Scale
 from drivers.master.motion import Motion, MotionKind
-from drivers.master.requests import HomeRequest, MoveRequest, VelocityRequest
+from drivers.master.requests import HomeRequest, MoveRequest, SetPositionRequest, VelocityRequest
 
 ANSWERS: Responses = {
     200: {
@@ -82,6 +82,25 @@ async def run_axis(body: VelocityBody, axis: AxisDep, starter: StarterDep) -> Op
         asked,
         lambda operation_id: axis.run_at(request, undertaking_id=operation_id),
     )
+
+
+@router.post("/set-position", summary="Say where the axis stands", status_code=202)
+async def set_position(body: SetPositionBody, axis: AxisDep, starter: StarterDep) -> OperationReply:
+    """Give the place where the axis stands a position (homing method 35). Nothing moves; it needs no power.
+
+    The axis counts as homed afterwards. Travel limits and home offset keep their numbers.
+    """
+    scale = Scale.named(body.unit, axis.config)
+    aim = scale.exact("position", body.position)
+    request = SetPositionRequest(round(aim), shift_limits=body.shift_limits)
+    asked = body.model_dump() | scale.commanded("position", body.position, request.position)
+
+    def begin(operation_id: str) -> Motion:
+        motion = axis.set_position(request, undertaking_id=operation_id)
+        starter.meant.sent(axis, aim)
+        return motion
+
+    return await starter.start(MotionKind.SET_POSITION, axis, asked, begin)
 
 
 @router.post("/home", summary="Seek the reference", status_code=202)

@@ -44,6 +44,20 @@ class HomeBody(Request):
     timeout_s: float | None = Field(default=None, gt=0, le=3600, description="Seconds it may take.")
 
 
+class SetPositionBody(Request):
+    """Where the axis stands. Nothing moves."""
+
+    model_config = examples.shown(examples.SET_POSITION)
+
+    position: Number = Field(description="In `unit`; whole where the unit is steps.")
+    unit: Unit
+    shift_limits: bool = Field(
+        default=False,
+        description="Needed where the axis was homed and has travel limits: they are counted in its "
+        "positions, so another position for the same place moves them.",
+    )
+
+
 class Limits(Reply):
     """The limit switches; True: pressed."""
 

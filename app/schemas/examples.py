@@ -24,6 +24,7 @@ MOVE: Example = {
 }
 VELOCITY: Example = {"velocity": 100000, "unit": "steps"}
 HOME: Example = {"method": 19}
+SET_POSITION: Example = {"position": 0, "unit": "steps"}
 OBSTACLE: Example = {
     "code": "not_enabled",
     "message": "The axis is switch_on_disabled.",

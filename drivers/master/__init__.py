@@ -10,7 +10,7 @@ from drivers.master.motion import Motion, MotionCancelled, MotionKind, MotionSta
 from drivers.master.network import Network
 from drivers.master.node import Node
 from drivers.master.readiness import AxisCommand
-from drivers.master.requests import HomeRequest, MoveRequest, VelocityRequest
+from drivers.master.requests import HomeRequest, MoveRequest, SetPositionRequest, VelocityRequest
 from drivers.master.sdo_client import Priority
 from drivers.master.status import (
     Adoption,
@@ -56,6 +56,7 @@ __all__ = [
     "NodeStatus",
     "Priority",
     "Reference",
+    "SetPositionRequest",
     "StopLatch",
     "StopOutcome",
     "StopReport",

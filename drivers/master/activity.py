@@ -18,6 +18,7 @@ _ERRANDS = {
     MotionKind.MOVE: ErrandName.MOVING,
     MotionKind.VELOCITY: ErrandName.TURNING,
     MotionKind.HOME: ErrandName.HOMING,
+    MotionKind.SET_POSITION: ErrandName.SETTING_POSITION,
 }
 
 

@@ -9,12 +9,12 @@ import contextlib
 from collections.abc import Callable, Coroutine
 
 from drivers.errors import BadValue, CanaxisError, Obstacle
-from drivers.master import positioning, power, referencing, speed, stopping
+from drivers.master import position_setting, positioning, power, referencing, speed, stopping
 from drivers.master.axis_body import FAULT_STATES, AxisBody
 from drivers.master.errands import ErrandName
 from drivers.master.motion import Motion, MotionKind, Result
 from drivers.master.readiness import AxisCommand, obstacles, refusal
-from drivers.master.requests import HomeRequest, MoveRequest, Request, VelocityRequest
+from drivers.master.requests import HomeRequest, MoveRequest, Request, SetPositionRequest, VelocityRequest
 
 
 class Axis(AxisBody):
@@ -149,6 +149,20 @@ class Axis(AxisBody):
             MotionKind.HOME,
             request,
             lambda motion: referencing.home(self._tools, request, motion),
+            undertaking_id,
+        )
+
+    def set_position(self, request: SetPositionRequest, *, undertaking_id: str | None = None) -> Motion:
+        """Begin to say where the standing axis is; nothing moves. It needs no power.
+
+        Raises as `move_to` does; `NotReady` too where that would move the travel limits of a homed axis.
+        """
+        self._require(AxisCommand.SET_POSITION)
+        position_setting.check(self._tools, request)
+        return self._start(
+            MotionKind.SET_POSITION,
+            request,
+            lambda motion: position_setting.set_position(self._tools, request, motion),
             undertaking_id,
         )
 

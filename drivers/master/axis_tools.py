@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from drivers.cia301.objects import Address
 from drivers.cia402.modes import Mode
 from drivers.cia402.power import Controlword, PowerState
-from drivers.errors import AxisFault, MotionFailed, TransitionTimeout
+from drivers.errors import AxisFault, ConfigurationRefused, MotionFailed, TransitionTimeout
 from drivers.master.config import AxisConfig
 from drivers.master.drive import Drive
 from drivers.master.object_access import ObjectAccess
@@ -28,9 +28,15 @@ class DriveParameters:
         self._objects = objects
         self._axis = axis
         self._held: dict[Address, int] = {}
+        self._owed: dict[Parameter, int] = {}
+        """What the module is to hold again: a command needed something else there for a moment."""
 
     async def require(self, values: Mapping[Parameter, int]) -> None:
-        """Have the module hold these values. Raises `BadValue`, `SdoError` or `BusError`."""
+        """Have the module hold these values, and first whatever is still owed to it.
+
+        Raises `BadValue`, `ConfigurationRefused`, `SdoError` or `BusError`.
+        """
+        await self.settle()
         for (index, sub), value in values.items():
             address = self._objects.address(index, sub, self._axis)
             if self._held.get(address) != value:
@@ -38,14 +44,44 @@ class DriveParameters:
                 await self._objects.write(address, value, priority=Priority.CONTROL)
                 self._held[address] = value
 
+    async def lend(self, index: int, sub: int, value: int, *, owed: int) -> None:
+        """Have the module hold `value` until `settle`, or the next command's `require`, brings `owed` back.
+
+        Raises `BadValue`, `SdoError` or `BusError`.
+        """
+        self._owed[index, sub] = owed
+        await self._objects.write(
+            self._objects.address(index, sub, self._axis), value, priority=Priority.CONTROL
+        )
+
+    async def settle(self) -> None:
+        """Bring back what is owed, read back. Raises `ConfigurationRefused`, `SdoError` or `BusError`."""
+        for (index, sub), value in tuple(self._owed.items()):
+            address = self._objects.address(index, sub, self._axis)
+            await self._objects.write(address, value, priority=Priority.CONTROL)
+            held = await self._objects.read_int(address, priority=Priority.CONTROL)
+            if held != value:
+                raise ConfigurationRefused(
+                    f"{address} holds {held} though {value} was written.",
+                    hint="Take the node in anew (POST boot) before anything moves.",
+                    axis=self._axis,
+                    index=address.index,
+                    sub=sub,
+                )
+            self._owed.pop((index, sub), None)
+
     def held(self, index: int, sub: int, otherwise: int) -> int:
         """What the module is known to hold; `otherwise` where that is unknown."""
         return self._held.get(self._objects.address(index, sub, self._axis), otherwise)
 
     def forget(self, address: Address | None = None) -> None:
-        """The module may hold something else now: at one address, or (None) everywhere."""
+        """The module may hold something else now: at one address, or (None) everywhere.
+
+        In the latter case nothing is owed any more: it is compared with all that it must hold first.
+        """
         if address is None:
             self._held.clear()
+            self._owed.clear()
         else:
             self._held.pop(address, None)
 

@@ -21,6 +21,7 @@ class ErrandName(enum.StrEnum):
     MOVING = "moving"
     TURNING = "changing its velocity"
     HOMING = "homing"
+    SETTING_POSITION = "having its position set"
 
 
 COMING_TO_REST = frozenset({ErrandName.STOPPING, ErrandName.QUICK_STOPPING, ErrandName.DISABLING})

@@ -27,6 +27,7 @@ class MotionKind(enum.StrEnum):
     MOVE = "move"
     VELOCITY = "velocity"
     HOME = "home"
+    SET_POSITION = "set_position"
 
 
 class MotionState(enum.StrEnum):

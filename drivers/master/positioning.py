@@ -18,13 +18,13 @@ from drivers.master.sdo_client import Priority
 from drivers.master.status import AxisStatus
 
 
-def check_target(tools: AxisTools, target: int) -> None:
-    """Raise `BadValue` for a target that the drive would refuse."""
+def check_target(tools: AxisTools, target: int, what: str = "target") -> None:
+    """Raise `BadValue` for a target, or another position, that the drive would refuse."""
     low, high = tools.config.target_range
     if not low <= target <= high:
         raise BadValue(
-            f"Axis {tools.config.name}: the target {target} is outside {low}..{high} steps.",
-            hint="Give a target within the axis's limits.",
+            f"Axis {tools.config.name}: the {what} {target} is outside {low}..{high} steps.",
+            hint=f"Give a {what} within the axis's limits.",
             **tools.where,
         )
 

@@ -27,15 +27,17 @@ class AxisCommand(enum.StrEnum):
     MOVE = "move"
     VELOCITY = "velocity"
     HOME = "home"
+    SET_POSITION = "set_position"
     STOP = "stop"
     QUICK_STOP = "quick_stop"
 
     @property
     def is_motion(self) -> bool:
-        """Whether it turns a motor."""
-        return self in (AxisCommand.MOVE, AxisCommand.VELOCITY, AxisCommand.HOME)
+        """Whether it is an operation: a latched stop prevents it, and so does an adopted axis."""
+        return self in _MOTIONS
 
 
+_MOTIONS = frozenset({AxisCommand.MOVE, AxisCommand.VELOCITY, AxisCommand.HOME, AxisCommand.SET_POSITION})
 _AWAY = frozenset({"bus_down", "node_away", "heartbeat_stale"})
 
 
@@ -189,7 +191,10 @@ def _drive(axis: Axis, command: AxisCommand, method: int | None) -> Iterator[Obs
         )
     elif status.state is not PowerState.OPERATION_ENABLED:
         chosen = axis.config.homing_method if method is None else method
-        if command is not AxisCommand.HOME or needs_enabled(chosen):
+        powerless = command is AxisCommand.SET_POSITION or (
+            command is AxisCommand.HOME and not needs_enabled(chosen)
+        )
+        if not powerless:
             yield Obstacle(
                 "not_enabled", f"The axis is {status.state or 'in no known state'}.", "Enable the axis."
             )
@@ -205,5 +210,6 @@ def _busy(axis: Axis, command: AxisCommand) -> Iterator[Obstacle]:
     if errand is not None and command is not AxisCommand.DISABLE and not replaces and not joins:
         yield Obstacle("busy", f"The axis is {errand}.", "Wait until it has ended, or stop the axis.")
     turning = axis.status.moving and axis.status.mode is Mode.PROFILE_VELOCITY
-    if command in (AxisCommand.MOVE, AxisCommand.HOME) and errand is None and (turning or axis.status.moving):
+    standing = (AxisCommand.MOVE, AxisCommand.HOME, AxisCommand.SET_POSITION)
+    if command in standing and errand is None and (turning or axis.status.moving):
         yield Obstacle("turning", "The axis is turning.", "Stop the axis first.")

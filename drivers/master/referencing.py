@@ -27,9 +27,8 @@ def needs_enabled(method: int) -> bool:
 
 async def home(tools: AxisTools, request: HomeRequest, motion: Motion) -> Result:
     """Carry out a homing; sets `referenced` when it was attained."""
-    config, drive, timing = tools.config, tools.drive, tools.timing
+    config, drive = tools.config, tools.drive
     method = config.homing_method if request.method is None else request.method
-    moves = needs_enabled(method)
     await tools.parameters.require(
         {
             (objects.HOMING_METHOD, 0): method,
@@ -38,6 +37,20 @@ async def home(tools: AxisTools, request: HomeRequest, motion: Motion) -> Result
             (objects.HOMING_ACCELERATION, 0): request.acceleration or config.homing_acceleration,
         }
     )
+    await attain(tools, method, motion, timeout_s=request.timeout_s)
+    drive.note_reference(Reference.HOMED)
+    await drive.fresh_status()  # the position of before the jump to zero may still be shown
+    return {"position": drive.status.position or 0, "method": method}
+
+
+async def attain(tools: AxisTools, method: int, motion: Motion, *, timeout_s: float | None = None) -> None:
+    """Run the homing whose parameters the module holds; returns when home is attained.
+
+    The reference counts as lost from the start on: whoever calls says when it holds. Raises `MotionTimeout`,
+    `MotionFailed`, `AxisFault`.
+    """
+    config, drive, timing = tools.config, tools.drive, tools.timing
+    moves = needs_enabled(method)
     await tools.enter_mode(Mode.HOMING, drive.holding)
     if moves:
         tools.require_enabled(drive.status)
@@ -61,9 +74,7 @@ async def home(tools: AxisTools, request: HomeRequest, motion: Motion) -> Result
         drive.note_reference(Reference.LOST)
     try:
         drive.command(controlword, Mode.HOMING)
-        await drive.until(
-            over, request.timeout_s or (timing.homing if moves else _AT_ONCE * timing.handshake)
-        )
+        await drive.until(over, timeout_s or (timing.homing if moves else _AT_ONCE * timing.handshake))
     finally:
         if drive.controlword is not None and drive.controlword & Controlword.START_HOMING:
             with contextlib.suppress(BusError):  # a bus that is gone must not hide why the homing ended
@@ -82,6 +93,3 @@ async def home(tools: AxisTools, request: HomeRequest, motion: Motion) -> Result
         )
     if not moves:
         drive.command(drive.holding, Mode.NO_MODE)
-    drive.note_reference(Reference.HOMED)
-    await drive.fresh_status()  # the position of before the jump to zero may still be shown
-    return {"position": drive.status.position or 0, "method": method}

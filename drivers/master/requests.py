@@ -79,4 +79,21 @@ class HomeRequest:
             raise BadValue("timeout_s must be above 0 and at most 3600.", hint="Give another timeout_s.")
 
 
-Request = MoveRequest | VelocityRequest | HomeRequest
+@dataclass(frozen=True, slots=True)
+class SetPositionRequest:
+    """Say where the standing axis is; nothing moves."""
+
+    position: int
+    """Steps"""
+    shift_limits: bool = False
+    """Whether that may move the travel limits of an axis that was homed."""
+
+    def __post_init__(self) -> None:
+        if not INT32_MIN < self.position <= INT32_MAX:
+            raise BadValue(
+                f"A position of {self.position} steps is beyond {INT32_MIN + 1}..{INT32_MAX}.",
+                hint=f"Give a position from {INT32_MIN + 1} to {INT32_MAX} steps (607Ch has 32 bits).",
+            )
+
+
+Request = MoveRequest | VelocityRequest | HomeRequest | SetPositionRequest

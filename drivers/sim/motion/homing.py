@@ -71,9 +71,10 @@ class Homing(ModeControl):
     """Searches while bit 4 is set.
 
     Home is the first microstep on which the switch is inactive, or the index pulse. Its position becomes
-    -607Ch: the zero position lies 607Ch beyond it (manual §8.2.4, and the formula in §6.1.11); method 35 sets
-    0 (§8.1). The index pulse is searched with the slow speed. A home switch that isn't found is searched to
-    and fro between the limit switches without end. All of this is unverified on hardware.
+    -607Ch: the zero position lies 607Ch beyond it (manual §8.2.4, and the formula in §6.1.11), with method 35
+    too, whose home is the present position (§8.1.10). The index pulse is searched with the slow speed. A home
+    switch that isn't found is searched to and fro between the limit switches without end. All of this is
+    unverified on hardware.
     """
 
     def __init__(self, context: Context) -> None:
@@ -158,7 +159,7 @@ class Homing(ModeControl):
         if method == HERE:
             self._wanted = False
             if self.context.motor.standing:
-                self.context.set_position(0, now)
+                self._zero_from_here(now)
                 self.phase = Phase.ATTAINED
             return
         search = SEARCHES.get(method)
@@ -222,8 +223,11 @@ class Homing(ModeControl):
 
     def _found(self, now: float) -> None:
         self.context.motor.cut(now)
-        self.context.set_position(-self.context.parameters.get(objects.HOME_OFFSET), now)
+        self._zero_from_here(now)
         self.phase = Phase.ATTAINED
+
+    def _zero_from_here(self, now: float) -> None:
+        self.context.set_position(-self.context.parameters.get(objects.HOME_OFFSET), now)
 
     def _run(self, direction: int, speed: int, now: float) -> None:
         context = self.context

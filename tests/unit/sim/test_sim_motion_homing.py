@@ -156,7 +156,7 @@ def test_method_0_does_nothing() -> None:
     assert (bench.position, bench.bit(10), bench.bit(12)) == (0, False, False)
 
 
-def test_method_35_zeroes_without_moving_and_without_being_enabled() -> None:
+def test_method_35_takes_here_as_home_without_moving_and_without_being_enabled() -> None:
     bench = homing(0, 35)
     bench.write(0x6060, 1)
     bench.ramp()
@@ -168,7 +168,7 @@ def test_method_35_zeroes_without_moving_and_without_being_enabled() -> None:
     bench.control(0x10)
     assert bench.state is PowerState.SWITCH_ON_DISABLED
     assert (bench.bit(10), bench.bit(12)) == (True, True)
-    assert [bench.read(index) for index in (0x6062, 0x6063, 0x6064)] == [0, 0, 0]
+    assert [bench.read(index) for index in (0x6062, 0x6063, 0x6064)] == [-77, -77, -77]
     assert bench.axis.motor.place(bench.now) == 5000
     assert bench.read(0x2100) == 77
 
