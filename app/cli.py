@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import gc
 import sys
-from collections.abc import Iterable
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager
 from importlib import import_module
 
 import typer
@@ -22,6 +23,11 @@ COMMANDS = {
     "token": "app.commands.token",
 }
 """Where the function, or the `Typer`, of each name is."""
+SERVING = frozenset({"serve", "demo"})
+UNASKED = ("rich", "pydantic.v1")
+"""What libraries of the service import if it is there, for what the service does without: structlog for
+colourful tracebacks, FastAPI to refuse models of old. Together they would take a tenth of its start.
+"""
 
 
 def command_line(names: Iterable[str] = COMMANDS) -> typer.Typer:
@@ -43,12 +49,26 @@ def command_line(names: Iterable[str] = COMMANDS) -> typer.Typer:
     return cli
 
 
+@contextmanager
+def without(modules: Iterable[str]) -> Generator[None]:
+    """Have these modules count as not installed meanwhile, unless they are imported already."""
+    hidden = [name for name in modules if name not in sys.modules]
+    sys.modules |= dict.fromkeys(hidden)
+    try:
+        yield
+    finally:
+        for name in hidden:
+            sys.modules.pop(name, None)
+
+
 def main() -> None:
     """Run a subcommand; what the user can mend is told in a line or two, without a traceback."""
     # What is imported stays: looking through it for garbage would only make the start longer, and later
     # hold up a running service each time.
     gc.disable()
-    cli = command_line([name for name in sys.argv[1:2] if name in COMMANDS] or COMMANDS)
+    names = [name for name in sys.argv[1:2] if name in COMMANDS] or list(COMMANDS)
+    with without(UNASKED if SERVING.issuperset(names) else ()):
+        cli = command_line(names)
     gc.freeze()
     gc.enable()
     try:

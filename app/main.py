@@ -15,8 +15,8 @@ from app.audit import AuditMiddleware, AuditTrail
 from app.errors import install_error_handlers
 from app.idempotency import IdempotencyMiddleware, MemoryKeys
 from app.metrics import LatencyMiddleware
-from app.roles import API
 from app.routes import axes, bus, events, health, moves, nodes, objects, operations, stop, tickets
+from app.routing import attach
 from app.security import DOCS_ASSETS, Policy, SecurityMiddleware
 from app.service import LifespanState, Service
 from app.settings import BusSettings, Settings, SettingsError
@@ -41,6 +41,8 @@ ROUTERS = (  # in the order in which paths are tried: what is asked most comes f
     bus.router,
     events.router,
     tickets.router,
+    health.router,
+    health.api_root,
 )
 
 
@@ -82,7 +84,6 @@ def create_app(
         redoc_url=None,
         static_url=DOCS_ASSETS,
         lifespan=lifespan,
-        generate_unique_id_function=documentation.operation_id,
         redirect_slashes=False,
         separate_input_output_schemas=False,
         middleware=[
@@ -93,10 +94,7 @@ def create_app(
         ],
     )
     install_error_handlers(app)
-    for router in ROUTERS:
-        app.include_router(router, prefix=API)
-    app.include_router(health.router)
-    app.include_router(health.api_root, prefix=API)
+    attach(app, ROUTERS)
     app.openapi = lambda: _openapi_once(app)
     return app
 

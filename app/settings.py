@@ -14,11 +14,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Self, cast
 
-import yaml
 from platformdirs import user_state_path
 from pydantic import Field, SecretStr, ValidationError, field_validator, model_validator
-from pydantic_settings import BaseSettings, EnvSettingsSource, PydanticBaseSettingsSource, SettingsConfigDict
-from pydantic_settings import SettingsError as UnreadableVariable
 
 from app.axis_settings import AxisSettings, Name, Section, SettingsError
 from drivers.errors import BadValue
@@ -186,12 +183,8 @@ class NetworkSettings(Section):
     allow_unverified_failsafe: bool | None = None
 
 
-class Settings(BaseSettings):
+class Settings(Section):
     """All of it."""
-
-    model_config = SettingsConfigDict(
-        extra="forbid", frozen=True, env_prefix=ENV_PREFIX, env_nested_delimiter="__", env_ignore_empty=True
-    )
 
     bus: BusSettings = Field(default_factory=BusSettings)
     server: ServerSettings = Field(default_factory=ServerSettings)
@@ -201,19 +194,6 @@ class Settings(BaseSettings):
     store: StoreSettings = Field(default_factory=StoreSettings)
     audit: AuditSettings = Field(default_factory=AuditSettings)
     log: LogSettings = Field(default_factory=LogSettings)
-
-    @classmethod
-    def settings_customise_sources(
-        cls,
-        settings_cls: type[BaseSettings],
-        init_settings: PydanticBaseSettingsSource,
-        env_settings: PydanticBaseSettingsSource,
-        dotenv_settings: PydanticBaseSettingsSource,
-        file_secret_settings: PydanticBaseSettingsSource,
-    ) -> tuple[PydanticBaseSettingsSource, ...]:
-        """Only what the caller gives: `load_settings` says what goes over what."""
-        del settings_cls, env_settings, dotenv_settings, file_secret_settings
-        return (init_settings,)
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -254,7 +234,7 @@ def load_settings(path: Path | None = None, overrides: Mapping[str, Any] | None 
     Without `path`, the file named by ``CANAXIS_CONFIG`` is taken, else ``canaxis.yaml`` here if it exists.
     Raises `SettingsError` with every key that is wrong.
     """
-    _check_environment(os.environ)
+    variables = _variables(os.environ)
     source = path or (Path(os.environ[CONFIG_VARIABLE]) if os.environ.get(CONFIG_VARIABLE) else None)
     if source is None and DEFAULT_FILE.is_file():
         source = DEFAULT_FILE
@@ -262,24 +242,43 @@ def load_settings(path: Path | None = None, overrides: Mapping[str, Any] | None 
     if source is not None:
         _check_private(source, values)
     try:
-        values = _merged(values, EnvSettingsSource(Settings)())
+        if variables:
+            values = _merged(values, _from_environment())
         return Settings(**_merged(values, overrides or {}))
     except ValidationError as error:
         raise SettingsError(_explain(error, source)) from error
-    except UnreadableVariable as error:
-        raise SettingsError(f"{error} (lists and mappings are written in JSON)") from error
     except RecursionError as error:
         raise SettingsError("the settings have brackets within brackets beyond all bounds") from error
 
 
-def _check_environment(environ: Mapping[str, str]) -> None:
+def _variables(environ: Mapping[str, str]) -> list[str]:
+    """The variables that are settings. Raises `SettingsError` for one that only looks like it."""
     known = {ENV_PREFIX + name.upper() for name in Settings.model_fields} | {CONFIG_VARIABLE}
-    for name in sorted(environ):
-        if name.upper().startswith(ENV_PREFIX) and name.upper().split("__")[0] not in known:
+    ours = sorted(name for name in environ if name.upper().startswith(ENV_PREFIX))
+    for name in ours:
+        if name.upper().split("__")[0] not in known:
             raise SettingsError(f"{name}: no such setting; known are {', '.join(sorted(known))}")
+    return [name for name in ours if name != CONFIG_VARIABLE]
+
+
+def _from_environment() -> dict[str, Any]:
+    import pydantic_settings  # takes 20 ms: a service without variables starts without it
+
+    source = pydantic_settings.EnvSettingsSource(
+        cast("type[pydantic_settings.BaseSettings]", Settings),
+        env_prefix=ENV_PREFIX,
+        env_nested_delimiter="__",
+        env_ignore_empty=True,
+    )
+    try:
+        return source()
+    except pydantic_settings.SettingsError as error:
+        raise SettingsError(f"{error} (lists and mappings are written in JSON)") from error
 
 
 def _read_file(path: Path) -> dict[str, Any]:
+    import yaml  # takes 15 ms: a service without a file starts without it
+
     try:
         text = path.read_text(encoding="utf-8")
         data: object = tomllib.loads(text) if path.suffix == ".toml" else yaml.safe_load(text)
@@ -287,10 +286,7 @@ def _read_file(path: Path) -> dict[str, Any]:
         raise SettingsError(f"{path}: {error.strerror}") from error
     except RecursionError as error:
         raise SettingsError(f"{path}: brackets within brackets beyond all bounds") from error
-    except (
-        ValueError,
-        yaml.YAMLError,
-    ) as error:  # no UTF-8, no TOML, or a value that YAML can't make: 2001-99-99
+    except (ValueError, yaml.YAMLError) as error:  # no UTF-8, no TOML, or a date like 2001-99-99
         raise SettingsError(f"{path}: {error}") from error
     if data is None:
         return {}

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Depends
+from fastapi import Depends
 
 from app import views
 from app.deps import AxisDep, NodeDep, ServiceDep, command_headers, empty_body
 from app.direct import AxisRoute
 from app.documentation import AXIS, AXIS_COMMAND, NODE, problems
+from app.roles import API
+from app.routing import Router
 from app.schemas.axes import AxisList, AxisStatusReply, ReadinessReply
 
-router = APIRouter(prefix="/nodes/{node}/axes", tags=["axes"])
-reports = APIRouter(prefix="/nodes/{node}/axes/{axis}", tags=["axes"], route_class=AxisRoute)
-commands = APIRouter(
-    prefix="/nodes/{node}/axes/{axis}",
+router = Router(f"{API}/nodes/{{node}}/axes", tags=["axes"])
+reports = Router(f"{API}/nodes/{{node}}/axes/{{axis}}", tags=["axes"], route_class=AxisRoute)
+commands = Router(
+    f"{API}/nodes/{{node}}/axes/{{axis}}",
     tags=["axes"],
     route_class=AxisRoute,
     dependencies=[Depends(command_headers), Depends(empty_body)],

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter
-
 from app import views
 from app.deps import ServiceDep
 from app.documentation import problems
+from app.roles import API
+from app.routing import Router
 from app.schemas.system import BusReply
 
-router = APIRouter(prefix="/bus", tags=["bus"])
+router = Router(f"{API}/bus", tags=["bus"])
 
 
 @router.get("", summary="State and counters of the bus", responses=problems())

@@ -5,13 +5,15 @@ from __future__ import annotations
 import re
 from typing import Annotated
 
-from fastapi import APIRouter, Header
+from fastapi import Header
 from fastapi.responses import Response
 
 from app.deps import ServiceDep
 from app.documentation import TICKET, Responses, problems
+from app.roles import API
+from app.routing import Router
 
-router = APIRouter(prefix="/events", tags=["events"])
+router = Router(f"{API}/events", tags=["events"])
 _EVENT_ID = re.compile(r"[0-9]{1,18}")
 
 STREAM: Responses = {

@@ -5,18 +5,20 @@ from __future__ import annotations
 from importlib.metadata import version
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Response
+from fastapi import Path, Response
 from fastapi.responses import PlainTextResponse
 
 from app.deps import ServiceDep
 from app.documentation import problems
 from app.problems import PROBLEM_TYPES, ApiError
+from app.roles import API
+from app.routing import Router
 from app.schemas.system import LiveReply, ProblemTypeReply, ReadyReply, ServiceReply
 from app.service import Service
 from drivers.master.status import NodeState
 
-router = APIRouter(tags=["service"])
-api_root = APIRouter(tags=["service"])
+router = Router("", tags=["service"])
+api_root = Router(API, tags=["service"])
 
 NOT_READY = {503: {"description": "Something that is configured can't be commanded.", "model": ReadyReply}}
 METRICS_TYPE = "text/plain; version=0.0.4; charset=utf-8"

@@ -5,12 +5,14 @@ Each answers with an operation: the motion is the service's, not the client's.
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Depends
+from fastapi import Depends
 
 from app.deps import AxisDep, command_headers
 from app.documentation import MOVING, Responses, operation_links, problems
 from app.problems import ApiError
 from app.replies import location_header, preference_header
+from app.roles import API
+from app.routing import Router
 from app.schemas.axes import HomeBody, MoveBody, SetPositionBody, VelocityBody
 from app.schemas.operations import OperationReply
 from app.starting import StarterDep
@@ -34,8 +36,8 @@ ANSWERS: Responses = {
     **problems(*MOVING),
 }
 
-router = APIRouter(
-    prefix="/nodes/{node}/axes/{axis}",
+router = Router(
+    f"{API}/nodes/{{node}}/axes/{{axis}}",
     tags=["moves"],
     dependencies=[Depends(command_headers)],
     responses=ANSWERS,

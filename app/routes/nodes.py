@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Depends
+from fastapi import Depends
 
 from app import views
 from app.deps import NodeDep, ServiceDep, command_headers, empty_body
 from app.documentation import NODE, NODE_COMMAND, problems
+from app.roles import API
+from app.routing import Router
 from app.schemas.nodes import EmergencyList, NodeList, NodeReply
 
-router = APIRouter(prefix="/nodes", tags=["nodes"])
-commands = APIRouter(
-    prefix="/nodes/{node}",
+router = Router(f"{API}/nodes", tags=["nodes"])
+commands = Router(
+    f"{API}/nodes/{{node}}",
     tags=["nodes"],
     dependencies=[Depends(command_headers), Depends(empty_body)],
     responses=problems(*NODE_COMMAND),

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Path
+from fastapi import Depends, Path
 
 from app.deps import NodeDep, ServiceDep, command_headers, parse_index
 from app.documentation import KEYS, NODE, TRANSFER, UNSAFE, problems
 from app.problems import ApiError
+from app.roles import API
+from app.routing import Router
 from app.schemas.nodes import MeaningReply, ObjectBody, ObjectReply
 from drivers.master.node import Node, ObjectSpec
 
-router = APIRouter(prefix="/nodes/{node}/objects", tags=["objects"])
+router = Router(f"{API}/nodes/{{node}}/objects", tags=["objects"])
 
 IndexPath = Annotated[
     str,

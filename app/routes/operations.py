@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Path, Query
+from fastapi import Depends, Path, Query
 
 from app.deps import ServiceDep, WaitDep, command_headers, empty_body
 from app.documentation import AXIS_COMMAND, problems
+from app.roles import API
+from app.routing import Router
 from app.schemas.operations import OperationList, OperationReply, OperationState
 
-router = APIRouter(prefix="/operations", tags=["operations"])
+router = Router(f"{API}/operations", tags=["operations"])
 
 OperationId = Annotated[str, Path(max_length=64, examples=["6f1c2a7b9d3e4f50"])]
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Depends
+from fastapi import Depends
 
 from app import views
 from app.deps import ServiceDep, command_headers, empty_body
 from app.documentation import KEYS, UNSAFE, problems
+from app.roles import API
+from app.routing import Router
 from app.schemas.system import StopBody, StopReply, StopState
 
-router = APIRouter(prefix="/stop", tags=["stop"])
+router = Router(f"{API}/stop", tags=["stop"])
 
 
 @router.post("", summary="Stop every axis", responses=problems(*UNSAFE))

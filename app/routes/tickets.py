@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Depends, Request
+from fastapi import Depends, Request
 
 from app.deps import ServiceDep, empty_body
 from app.documentation import UNSAFE, problems
+from app.roles import API
+from app.routing import Router
 from app.schemas.system import TicketReply
 from app.tickets import LIFETIME
 from app.tokens import Principal
 
-router = APIRouter(prefix="/tickets", tags=["events"])
+router = Router(f"{API}/tickets", tags=["events"])
 
 
 @router.post(

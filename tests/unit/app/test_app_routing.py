@@ -1,0 +1,19 @@
+"""Routes are made once, when they are imported."""
+
+from __future__ import annotations
+
+from starlette.routing import Route
+
+from app.main import ROUTERS, create_app
+from app.roles import API
+from app.settings import Settings
+
+
+def test_every_route_has_its_whole_path_before_the_first_request():
+    """One that is included by FastAPI is made anew by the first request, which may be a stop."""
+    routes = create_app(Settings()).router.routes
+    paths = [route.path for route in routes if isinstance(route, Route)]
+    strangers = [route for route in routes if not isinstance(route, Route) and not hasattr(route, "path")]
+    assert not strangers, "make its router an app.routing.Router, and put it into app.main.ROUTERS"
+    assert f"{API}/nodes/{{node}}/axes/{{axis}}/stop" in paths
+    assert set(paths) >= {str(getattr(route, "path", "")) for router in ROUTERS for route in router.routes}
