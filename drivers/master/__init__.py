@@ -6,11 +6,18 @@ from drivers.master.axis import Axis
 from drivers.master.config import AxisConfig, NetworkConfig, NodeConfig
 from drivers.master.emergencies import EmergencyRecord
 from drivers.master.events import Event, EventHub, Subscription
+from drivers.master.jogging import Jog, JogEnd
 from drivers.master.motion import Motion, MotionCancelled, MotionKind, MotionState, Undertaking
 from drivers.master.network import Network
 from drivers.master.node import Node
 from drivers.master.readiness import AxisCommand
-from drivers.master.requests import HomeRequest, MoveRequest, SetPositionRequest, VelocityRequest
+from drivers.master.requests import (
+    HomeRequest,
+    JogRequest,
+    MoveRequest,
+    SetPositionRequest,
+    VelocityRequest,
+)
 from drivers.master.sdo_client import Priority
 from drivers.master.status import (
     Adoption,
@@ -43,6 +50,9 @@ __all__ = [
     "Failsafe",
     "HomeRequest",
     "Identity",
+    "Jog",
+    "JogEnd",
+    "JogRequest",
     "Motion",
     "MotionCancelled",
     "MotionKind",

@@ -19,6 +19,7 @@ _ERRANDS = {
     MotionKind.VELOCITY: ErrandName.TURNING,
     MotionKind.HOME: ErrandName.HOMING,
     MotionKind.SET_POSITION: ErrandName.SETTING_POSITION,
+    MotionKind.JOG: ErrandName.JOGGING,
 }
 
 

@@ -9,12 +9,20 @@ import contextlib
 from collections.abc import Callable, Coroutine
 
 from drivers.errors import BadValue, CanaxisError, Obstacle
-from drivers.master import position_setting, positioning, power, referencing, speed, stopping
+from drivers.master import jogging, position_setting, positioning, power, referencing, speed, stopping
 from drivers.master.axis_body import FAULT_STATES, AxisBody
 from drivers.master.errands import ErrandName
+from drivers.master.jogging import Jog
 from drivers.master.motion import Motion, MotionKind, Result
 from drivers.master.readiness import AxisCommand, obstacles, refusal
-from drivers.master.requests import HomeRequest, MoveRequest, Request, SetPositionRequest, VelocityRequest
+from drivers.master.requests import (
+    HomeRequest,
+    JogRequest,
+    MoveRequest,
+    Request,
+    SetPositionRequest,
+    VelocityRequest,
+)
 
 
 class Axis(AxisBody):
@@ -151,6 +159,18 @@ class Axis(AxisBody):
             lambda motion: referencing.home(self._tools, request, motion),
             undertaking_id,
         )
+
+    def jog(self, request: JogRequest, *, held_at: float, undertaking_id: str | None = None) -> Jog:
+        """Begin to turn for as long as `Jog.hold` is called; `held_at`: loop time of the first hold.
+
+        Raises as `move_to` does; `BadValue` too at a software limit.
+        """
+        self._require(AxisCommand.JOG)
+        jogging.check_room(self._tools, request.velocity)
+        jog = Jog(self, self._tools, request, held_at, self._on_motion, undertaking_id)
+        self._on_motion(jog)
+        self._activity.carry_out(jog, lambda _: jogging.run(self._tools, jog))
+        return jog
 
     def set_position(self, request: SetPositionRequest, *, undertaking_id: str | None = None) -> Motion:
         """Begin to say where the standing axis is; nothing moves. It needs no power.

@@ -22,6 +22,7 @@ class ErrandName(enum.StrEnum):
     TURNING = "changing its velocity"
     HOMING = "homing"
     SETTING_POSITION = "having its position set"
+    JOGGING = "being jogged"
 
 
 COMING_TO_REST = frozenset({ErrandName.STOPPING, ErrandName.QUICK_STOPPING, ErrandName.DISABLING})

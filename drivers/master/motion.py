@@ -28,6 +28,7 @@ class MotionKind(enum.StrEnum):
     VELOCITY = "velocity"
     HOME = "home"
     SET_POSITION = "set_position"
+    JOG = "jog"
 
 
 class MotionState(enum.StrEnum):
@@ -50,9 +51,9 @@ class MotionState(enum.StrEnum):
         return self in (MotionState.SUCCEEDED, MotionState.FAILED, MotionState.CANCELLED)
 
 
-Result = Mapping[str, int | float | bool]
+Result = Mapping[str, int | float | bool | str]
 """`position` in steps, and for a move its absolute `target`, for a turning its `velocity`, for a homing
-`method`.
+`method`; for a jog how far it `travelled` and how it was held.
 """
 
 

@@ -28,6 +28,7 @@ class AxisCommand(enum.StrEnum):
     VELOCITY = "velocity"
     HOME = "home"
     SET_POSITION = "set_position"
+    JOG = "jog"
     STOP = "stop"
     QUICK_STOP = "quick_stop"
 
@@ -37,7 +38,15 @@ class AxisCommand(enum.StrEnum):
         return self in _MOTIONS
 
 
-_MOTIONS = frozenset({AxisCommand.MOVE, AxisCommand.VELOCITY, AxisCommand.HOME, AxisCommand.SET_POSITION})
+_MOTIONS = frozenset(
+    {
+        AxisCommand.MOVE,
+        AxisCommand.VELOCITY,
+        AxisCommand.HOME,
+        AxisCommand.SET_POSITION,
+        AxisCommand.JOG,
+    }
+)
 _AWAY = frozenset({"bus_down", "node_away", "heartbeat_stale"})
 
 
@@ -210,6 +219,6 @@ def _busy(axis: Axis, command: AxisCommand) -> Iterator[Obstacle]:
     if errand is not None and command is not AxisCommand.DISABLE and not replaces and not joins:
         yield Obstacle("busy", f"The axis is {errand}.", "Wait until it has ended, or stop the axis.")
     turning = axis.status.moving and axis.status.mode is Mode.PROFILE_VELOCITY
-    standing = (AxisCommand.MOVE, AxisCommand.HOME, AxisCommand.SET_POSITION)
+    standing = (AxisCommand.MOVE, AxisCommand.HOME, AxisCommand.SET_POSITION, AxisCommand.JOG)
     if command in standing and errand is None and (turning or axis.status.moving):
         yield Obstacle("turning", "The axis is turning.", "Stop the axis first.")

@@ -13,6 +13,15 @@ def _check_rate(name: str, value: int | None) -> None:
         raise BadValue(f"{name} must be 1..{HIGHEST_RATE} steps, not {value}.", hint=f"Give another {name}.")
 
 
+def check_velocity(velocity: int) -> None:
+    """Raises `BadValue` for a velocity (steps/s, signed) that no drive takes."""
+    if abs(velocity) > HIGHEST_RATE:
+        raise BadValue(
+            f"velocity must be within +-{HIGHEST_RATE} steps/s, not {velocity}.",
+            hint="Give a lower velocity.",
+        )
+
+
 @dataclass(frozen=True, slots=True)
 class MoveRequest:
     """Go to a position in profile position mode. What is None comes from the axis's configuration."""
@@ -48,11 +57,7 @@ class VelocityRequest:
     """steps/s2; ramps up and down (manual §1.5)"""
 
     def __post_init__(self) -> None:
-        if abs(self.velocity) > HIGHEST_RATE:
-            raise BadValue(
-                f"velocity must be within +-{HIGHEST_RATE} steps/s, not {self.velocity}.",
-                hint="Give a lower velocity.",
-            )
+        check_velocity(self.velocity)
         _check_rate("acceleration", self.acceleration)
 
 
@@ -96,4 +101,22 @@ class SetPositionRequest:
             )
 
 
-Request = MoveRequest | VelocityRequest | HomeRequest | SetPositionRequest
+@dataclass(frozen=True, slots=True)
+class JogRequest:
+    """Turn while it is held; `velocity` is that of the first hold."""
+
+    velocity: int
+    """steps/s, signed"""
+    acceleration: int | None = None
+    """steps/s2; ramps up and down (manual §1.5)"""
+    silence_s: float = 0.5
+    """Seconds for which a hold counts; 0.1 to 2."""
+
+    def __post_init__(self) -> None:
+        check_velocity(self.velocity)
+        _check_rate("acceleration", self.acceleration)
+        if not 0.1 <= self.silence_s <= 2:
+            raise BadValue("silence_s must be 0.1 to 2 seconds.", hint="Give another silence_s.")
+
+
+Request = MoveRequest | VelocityRequest | HomeRequest | SetPositionRequest | JogRequest

@@ -25,13 +25,7 @@ async def run(tools: AxisTools, request: VelocityRequest, motion: Motion) -> Res
     """Bring the axis to a velocity; returns when it has it. It goes on turning until told otherwise."""
     config, drive, timing = tools.config, tools.drive, tools.timing
     acceleration = request.acceleration or config.acceleration
-    await tools.parameters.require({(objects.PROFILE_ACCELERATION, 0): acceleration})
-    if not (drive.mode is Mode.PROFILE_VELOCITY and drive.status.mode is Mode.PROFILE_VELOCITY):
-        # What 60FFh still holds would start the motor together with the mode: zero it by SDO, confirmed.
-        address = tools.objects.address(objects.TARGET_VELOCITY, 0, tools.number)
-        await tools.objects.write(address, 0, priority=Priority.CONTROL)
-        await tools.enter_mode(Mode.PROFILE_VELOCITY)
-    tools.require_enabled(drive.status)
+    await enter(tools, acceleration)
 
     start = drive.status.velocity or 0
     approach = _Approach(tools, motion, start, request.velocity)
@@ -52,6 +46,21 @@ async def run(tools: AxisTools, request: VelocityRequest, motion: Motion) -> Res
         "position": drive.status.position or 0,
         "turning": request.velocity != 0,
     }
+
+
+async def enter(tools: AxisTools, acceleration: int) -> None:
+    """Have the drive in profile velocity mode and ready, at the velocity that it has; it turns no faster yet.
+
+    Raises `AxisFault`, `MotionFailed` or `TransitionTimeout`.
+    """
+    drive = tools.drive
+    await tools.parameters.require({(objects.PROFILE_ACCELERATION, 0): acceleration})
+    if not (drive.mode is Mode.PROFILE_VELOCITY and drive.status.mode is Mode.PROFILE_VELOCITY):
+        # What 60FFh still holds would start the motor together with the mode: zero it by SDO, confirmed.
+        address = tools.objects.address(objects.TARGET_VELOCITY, 0, tools.number)
+        await tools.objects.write(address, 0, priority=Priority.CONTROL)
+        await tools.enter_mode(Mode.PROFILE_VELOCITY)
+    tools.require_enabled(drive.status)
 
 
 class _Approach:
