@@ -13,6 +13,7 @@ from drivers.master.config import NetworkConfig
 from drivers.master.counters import NetworkCounters
 from drivers.master.events import EventHub
 from drivers.master.status import StopLatch
+from drivers.master.sync import SyncProducer
 from drivers.master.timing import Timing
 
 
@@ -33,6 +34,8 @@ class Backbone:
         self.heartbeat_paused = False
         """Whether our heartbeat pauses on purpose, so that every module is about to stop its motors."""
         self.report_bug = on_bug
+        self.sync = SyncProducer(self.send, self.withdraw)
+        """The only sender of SYNCs."""
 
     def withdraw(self, cob_ids: Collection[int]) -> None:
         """Take back what waits in the transmit queue with these identifiers, and is superseded."""

@@ -55,6 +55,7 @@ class Network:
         for donor, node_id in self.plan.donors().items():
             self._router.add(cob.heartbeat(donor), self._donor_heard(donor, node_id))
         self._router.add(cob.heartbeat(config.master_node_id), self._on_own_heartbeat)
+        self._router.add(cob.SYNC, self._backbone.sync.on_sync)
         self._heartbeat = HeartbeatProducer(config.heartbeat_ms / 1000, self._beat, self._on_missed)
         self._unsubscribe: Callable[[], None] | None = None
         self._closing = asyncio.Lock()
