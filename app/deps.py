@@ -9,6 +9,7 @@ from typing import Annotated
 
 from fastapi import Depends, Header, Path, Query, Request
 
+from app.keys import Claim
 from app.problems import ApiError
 from app.schemas.common import NoBody
 from app.schemas.operations import Asker
@@ -140,7 +141,7 @@ IdempotencyKey = Annotated[
             "key, path, query and body is not carried out again: it gets the first answer again, with "
             "`Idempotent-Replayed: true`. With anything else it gets 422, and while the first is in flight "
             "409. A command that was refused (4xx, 503) leaves its key free. Keys are kept for 24 hours, "
-            "or until the service ends."
+            "over restarts of the service too, and each token has keys of its own."
         ),
     ),
 ]
@@ -152,7 +153,8 @@ class CommandSource:
 
     name: str
     address: str
-    idempotency_key: str | None
+    claim: Claim | None
+    """The Idempotency-Key that is to be spent with it."""
 
     @property
     def reply(self) -> Asker:
@@ -161,18 +163,28 @@ class CommandSource:
 
 
 async def get_asker(request: Request, idempotency_key: IdempotencyKey = None) -> CommandSource:
-    """Who asks, as far as the security middleware knows."""
+    """Who asks, as far as the middlewares know."""
+    del idempotency_key  # documented here; what counts is the claim
     principal: Principal = request.state.principal
     address = "" if request.client is None else request.client.host
-    return CommandSource(principal.name, address, idempotency_key)
+    return CommandSource(principal.name, address, _claim(request))
 
 
 AskerDep = Annotated[CommandSource, Depends(get_asker)]
 
 
-async def command_headers(idempotency_key: IdempotencyKey = None) -> None:
-    """Documents the header; the middleware acts on it."""
-    del idempotency_key
+def _claim(request: Request) -> Claim | None:
+    return getattr(request.state, "claim", None)
+
+
+async def command_headers(request: Request, idempotency_key: IdempotencyKey = None) -> None:
+    """For a command that begins no operation: its key is spent before it is carried out.
+
+    One that begins an operation has its key written down with that (`Starter`), and must not have this.
+    """
+    del idempotency_key  # documented here; what counts is the claim
+    if (claim := _claim(request)) is not None:
+        await claim.write_down()
 
 
 async def empty_body(body: NoBody | None = None) -> None:

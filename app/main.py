@@ -13,7 +13,8 @@ from starlette.middleware import Middleware
 from app import documentation
 from app.audit import AuditMiddleware, AuditTrail
 from app.errors import install_error_handlers
-from app.idempotency import IdempotencyMiddleware, MemoryKeys
+from app.idempotency import IdempotencyMiddleware
+from app.keys import Keys
 from app.metrics import LatencyMiddleware
 from app.routes import axes, bus, events, health, moves, nodes, objects, operations, stop, tickets
 from app.routing import attach
@@ -61,12 +62,13 @@ def create_app(
     policy = Policy.of(settings.server)
     issued = Tickets()
     trail = AuditTrail(settings.audit)
+    keys = Keys()
     wire = _wire(settings.bus) if bus is None else bus
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncGenerator[LifespanState]:
         del app
-        service = Service(settings, Network(wire, network_config, catalog), issued, trail)
+        service = Service(settings, Network(wire, network_config, catalog), issued, trail, keys)
         if on_service is not None:
             on_service(service)
         await service.open()
@@ -90,7 +92,7 @@ def create_app(
             Middleware(LatencyMiddleware),
             Middleware(AuditMiddleware, trail=trail),
             Middleware(SecurityMiddleware, policy=policy, tickets=issued),
-            Middleware(IdempotencyMiddleware, keys=MemoryKeys()),
+            Middleware(IdempotencyMiddleware, keys=keys),
         ],
     )
     install_error_handlers(app)

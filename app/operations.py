@@ -14,6 +14,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from app import evidence, problems
+from app.keys import Claim
 from app.problems import ApiError
 from app.schemas.common import Problem
 from app.schemas.operations import Asker, OperationAxis, OperationLinks, OperationReply, OperationState
@@ -155,17 +156,21 @@ class OperationRegister:
         begin: Callable[[str], Undertaking],
         *,
         asked_by: Asker = NOBODY,
-        key: str | None = None,
+        claim: Claim | None = None,
     ) -> Operation:
         """Write the operation down, then begin it: `begin` is given its id and may refuse by raising.
+
+        The Idempotency-Key that it came with (`claim`) is written down in the same transaction.
 
         Should the service die in between, it is found as failed, and nothing was sent twice. A store that is
         off holds nothing up.
         """
         operation_id = uuid.uuid4().hex
         asked = _asked(operation_id, kind, axes, request, asked_by, datetime.now(UTC))
+        key = None if claim is None else claim.key
+        spent = () if claim is None else claim.spend()
         try:
-            await self._store.commit(records.written(asked, key))
+            await self._store.commit(*spent, records.written(asked, key))
             undertaking = begin(operation_id)
         except BaseException:
             self._store.later(records.removed(operation_id))

@@ -13,6 +13,7 @@ import structlog
 
 from app import journal
 from app.audit import AuditTrail
+from app.keys import Keys
 from app.metrics import Metrics
 from app.operations import OperationRegister
 from app.problems import ApiError
@@ -37,11 +38,14 @@ log: structlog.stdlib.BoundLogger = structlog.get_logger("canaxis")
 class Service:
     """One network, its operations and its event streams."""
 
-    def __init__(self, settings: Settings, network: Network, tickets: Tickets, audit: AuditTrail) -> None:
+    def __init__(
+        self, settings: Settings, network: Network, tickets: Tickets, audit: AuditTrail, keys: Keys
+    ) -> None:
         self.settings = settings
         self.network = network
         self.tickets = tickets
         self.audit = audit
+        self.keys = keys
         self.store = Database(settings.store.file)
         self.operations = OperationRegister(
             self.store,
@@ -73,6 +77,7 @@ class Service:
             self.finder = asyncio.create_task(
                 note_what_is_found(self.operations, self.network, interrupted), name="finder"
             )
+        await self.keys.open(self.store)
         self._watcher = asyncio.create_task(self._watch(), name="failure watch")
         events = self.network.events.subscribe(kinds=journal.KINDS)
         self._journal = asyncio.create_task(journal.keep_journal(events), name="journal")

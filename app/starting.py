@@ -42,7 +42,7 @@ class Starter:
                 asked,
                 begin,
                 asked_by=self._asker.reply,
-                key=self._asker.idempotency_key,
+                claim=self._asker.claim,
             )
         )
         ended = await self._wait.until_end(operation.motion)

@@ -5,9 +5,7 @@ Each answers with an operation: the motion is the service's, not the client's.
 
 from __future__ import annotations
 
-from fastapi import Depends
-
-from app.deps import AxisDep, command_headers
+from app.deps import AxisDep
 from app.documentation import MOVING, Responses, operation_links, problems
 from app.problems import ApiError
 from app.replies import location_header, preference_header
@@ -39,7 +37,6 @@ ANSWERS: Responses = {
 router = Router(
     f"{API}/nodes/{{node}}/axes/{{axis}}",
     tags=["moves"],
-    dependencies=[Depends(command_headers)],
     responses=ANSWERS,
 )
 

@@ -321,8 +321,8 @@ class _InFile:
     async def run(self, statements: Sequence[Statement]) -> None:
         await self._connection.execute("BEGIN IMMEDIATE")
         try:
-            for sql, values in statements:
-                await self._connection.execute(sql, values)
+            # Handed over together, carried out in order: the thread is asked once, not for each of them.
+            await asyncio.gather(*(self._connection.execute(*statement) for statement in statements))
             await self._connection.execute("COMMIT")
         except BaseException:
             with contextlib.suppress(sqlite3.Error):

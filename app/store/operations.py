@@ -48,12 +48,6 @@ async def find(store: Database, operation_id: str) -> OperationReply | None:
     return next(_replies(rows), None)
 
 
-async def find_by_key(store: Database, key: str) -> OperationReply | None:
-    """The operation that a request with this Idempotency-Key began. Raises `StoreOff`."""
-    rows = await store.rows("SELECT document FROM operations WHERE key = ?", key)
-    return next(_replies(rows), None)
-
-
 async def newest(
     store: Database, limit: int, *, state: str | None = None, before: str | None = None
 ) -> list[OperationReply]:

@@ -93,6 +93,63 @@ async def test_what_ran_when_the_service_died_has_failed_and_says_what_was_found
         assert found["position"]["steps"] == (await bench.axis())["position"]["steps"]
 
 
+RELATIVE = {"target": 1000, "relative": True, "unit": "steps"}
+
+
+async def test_a_key_is_heeded_after_a_restart(path: Path) -> None:
+    key = {"Idempotency-Key": "k"}
+    async with running(settings(path)) as bench:
+        await bench.until_ready()
+        await bench.enable()
+        first = await bench.post("/nodes/1/axes/0/move?wait=20", RELATIVE, headers=key)
+        assert first.json()["state"] == "succeeded"
+    async with running(settings(path)) as bench:
+        await bench.until_ready()
+        await bench.enable()
+        again = await bench.post("/nodes/1/axes/0/move?wait=20", RELATIVE, headers=key)
+        assert (again.status_code, again.json()) == (200, first.json())
+        assert again.headers["idempotent-replayed"] == "true"
+        assert len((await bench.get("/operations")).json()["operations"]) == 1
+        other = await bench.post("/nodes/1/axes/0/move", RELATIVE | {"target": 1}, headers=key)
+        assert other.json()["code"] == "key_reused"
+        await bench.service.store.commit(Statement("DROP TABLE keys"))
+        unreadable = await bench.post("/nodes/1/axes/0/move", RELATIVE, headers={"Idempotency-Key": "new"})
+        assert unreadable.status_code == 202, "a broken store stops no new command"
+
+
+async def test_a_key_in_flight_at_the_end_is_answered_with_its_operation(bench: Bench, path: Path) -> None:
+    key = {"Idempotency-Key": "k"}
+    operation = (await bench.post("/nodes/1/axes/0/move", RELATIVE, headers=key)).json()
+    await bench.service.store.commit(Statement("UPDATE keys SET status = NULL, headers = NULL, body = NULL"))
+    with sqlite3.connect(path) as old, sqlite3.connect(path.with_name("copy.db")) as copy:
+        old.backup(copy)
+    old.close()
+    copy.close()
+    async with running(settings(path.with_name("copy.db"))) as following:
+        again = await following.post("/nodes/1/axes/0/move", RELATIVE, headers=key)
+        assert again.headers["idempotent-replayed"] == "true"
+        assert again.headers["location"] == f"/api/v1/operations/{operation['id']}"
+        assert again.status_code == 200
+        assert again.json()["id"] == operation["id"]
+        assert again.json()["state"] in ("failed", "succeeded")
+
+
+async def test_a_key_is_written_down_with_its_operation_or_before_the_command(bench: Bench) -> None:
+    seen: list[list[tuple[object, ...]]] = []
+    commit = bench.service.store.commit
+
+    async def watch(*statements: Statement) -> bool:
+        done = await commit(*statements)
+        seen.append([(s.sql.split()[4], s.values[0] if "keys" in s.sql else s.values[4]) for s in statements])
+        return done
+
+    bench.service.store.commit = watch  # pyright: ignore[reportAttributeAccessIssue]
+    await bench.post("/nodes/1/axes/0/move", RELATIVE, headers={"Idempotency-Key": "moves"})
+    await bench.post("/nodes/1/axes/1/enable", headers={"Idempotency-Key": "enables"})
+    moves, enables = "anonymous:moves", "anonymous:enables"
+    assert seen == [[("keys", moves), ("operations", moves)], [("keys", enables)]]
+
+
 async def test_pages_go_back_in_time_and_states_can_be_chosen(bench: Bench) -> None:
     ids = [(await bench.move(target, wait=20)).json()["id"] for target in (100, 200, 300)]
     first = (await bench.get("/operations?limit=2")).json()["operations"]
