@@ -21,6 +21,18 @@ class Obstacle:
     """What to do about it, as a sentence."""
 
 
+@dataclass(frozen=True, slots=True)
+class BrokenRule:
+    """A rule that a setting breaks."""
+
+    field: str
+    """The setting's name."""
+    rule: str
+    """Stable name in snake_case, e.g. ``vstop_at_least_vstart``."""
+    message: str
+    """The rule, what broke it and where it is written, as a sentence."""
+
+
 class CanaxisError(Exception):
     """The root. `code` is a stable name in snake_case for programs; `hint` tells a person what to do."""
 
@@ -191,6 +203,18 @@ class BadValue(CanaxisError):
     """A value is outside what the object or the command takes. Nothing was sent."""
 
     code = "bad_value"
+
+
+class RulesBroken(BadValue):
+    """Settings break rules of the module's manual or our own; `rules` names each. Nothing was sent."""
+
+    hint = "Correct the settings that are named; nothing was changed."
+
+    def __init__(
+        self, what: str, rules: tuple[BrokenRule, ...], *, node: int | None = None, axis: int | None = None
+    ) -> None:
+        super().__init__(f"{what}: {' '.join(rule.message for rule in rules)}", node=node, axis=axis)
+        self.rules = rules
 
 
 class GuardedObject(NodeError):

@@ -114,6 +114,9 @@ class Axis(AxisBody):
 
         Raises, before a frame is sent, `BadValue`, `NotReady`, `AxisBusy`, `StopLatched` or `NodeAway`.
         """
+        self.config.check_rates(
+            velocity=request.velocity, acceleration=request.acceleration, deceleration=request.deceleration
+        )
         position = self.status.position or 0
         positioning.check_target(
             self._tools, position + request.target if request.relative else request.target
@@ -131,6 +134,7 @@ class Axis(AxisBody):
 
         Raises as `move_to` does.
         """
+        self.config.check_rates(velocity=abs(request.velocity), acceleration=request.acceleration)
         self._require(AxisCommand.VELOCITY)
         if self.errand is ErrandName.TURNING:
             self._activity.cancel_motion("Another velocity replaced it.")
@@ -152,6 +156,8 @@ class Axis(AxisBody):
                 hint=f"Choose one of {', '.join(str(m) for m in sorted(known) if m)}.",
                 **self._tools.where,
             )
+        for velocity in (request.fast, request.slow):
+            self.config.check_rates(velocity=velocity, acceleration=request.acceleration)
         self._require(AxisCommand.HOME, method=method)
         return self._start(
             MotionKind.HOME,
@@ -165,6 +171,7 @@ class Axis(AxisBody):
 
         Raises as `move_to` does; `BadValue` too at a software limit.
         """
+        self.config.check_rates(velocity=abs(request.velocity), acceleration=request.acceleration)
         self._require(AxisCommand.JOG)
         jogging.check_room(self._tools, request.velocity)
         jog = Jog(self, self._tools, request, held_at, self._on_motion, undertaking_id)

@@ -15,7 +15,7 @@ from drivers.errors import CanaxisError, MotionFailed, NodeAway
 from drivers.master import power, stopping
 from drivers.master.activity import Activity
 from drivers.master.axis_setup import AxisSetup, Found
-from drivers.master.axis_tools import AxisTools, DriveParameters
+from drivers.master.axis_tools import AxisTools, CurrentConfig, DriveParameters
 from drivers.master.config import AxisConfig
 from drivers.master.confirmation import contradiction
 from drivers.master.drive import Drive
@@ -38,10 +38,15 @@ class AxisBody:
         self.node = node
         self.number = number
         self.name = config.name
-        self.config = config
         self.pdos = pdos
         self.backbone = node.backbone
         timing = self.backbone.timing
+        self.configuring = False
+        """Whether its settings are being written: nothing else is begun meanwhile."""
+        self.unsettled = ""
+        """Why its module may hold other settings than ours, until the node is taken in anew."""
+        self.lives = 0
+        """How often its module was lost or started anew."""
         self._owes_stop = False
         """Whether it was out of reach since it was commanded, so that it must stand before anything else."""
         self._drive = Drive(
@@ -54,12 +59,18 @@ class AxisBody:
             self._on_silence,
         )
         parameters = DriveParameters(node.objects, number)
-        self._tools = AxisTools(node.node_id, number, config, timing, self._drive, node.objects, parameters)
+        current = CurrentConfig(config)
+        self._tools = AxisTools(node.node_id, number, current, timing, self._drive, node.objects, parameters)
         self._confirming: asyncio.Task[None] | None = None
         self._activity = Activity(self._tools, self.backbone.report_bug)
         self.setup = AxisSetup(self._tools, node.establisher)
 
     # --- what it is and does ---
+
+    @property
+    def config(self) -> AxisConfig:
+        """What it goes by now; it may be replaced while the axis stands, so read it anew each time."""
+        return self._tools.config
 
     @property
     def status(self) -> AxisStatus:
@@ -116,8 +127,20 @@ class AxisBody:
         self._drive.seed(*found)
 
     def adopt(self, adoption: Adoption | None) -> None:
-        """The axis was found as it says and must be claimed; None: it needs no claim."""
+        """It was compared; it was found as it says and must be claimed, or (None) needs no claim."""
+        self.unsettled = ""
         self._drive.note_adoption(adoption)
+
+    def go_by(self, config: AxisConfig) -> None:
+        """Replace the configuration: by `reconfigure`, or before the network is opened, and nowhere else.
+
+        What changes the meaning of positions loses the reference: resolution, encoder, home offset.
+        """
+        before, self._tools.current.value = self.config, config
+        self._tools.parameters.forget()
+        if self.status.referenced and _counting(before) != _counting(config):
+            self._drive.note_reference(Reference.LOST)
+        self._on_status(self.status)
 
     def distrust_status(self) -> None:
         """The status TPDOs carry something else from now on."""
@@ -147,6 +170,7 @@ class AxisBody:
 
     def forget(self, *, reference_lost: bool) -> None:
         """The module started anew: no reference, no parameters, nothing commanded."""
+        self.lives += 1
         self._owes_stop = False
         self._tools.parameters.forget()
         self._drive.forget()
@@ -155,6 +179,7 @@ class AxisBody:
 
     def lose(self) -> None:
         """The node is away: the status is old, and whether the reference holds is unknown."""
+        self.lives += 1
         self._owes_stop = self._owes_stop or self._drive.controlword is not None
         self._drive.unwatch()
         self._tools.parameters.forget()
@@ -270,3 +295,10 @@ class AxisBody:
                 ),
                 stop=True,
             )
+
+
+def _counting(config: AxisConfig) -> tuple[object, ...]:
+    """What positions are counted by."""
+    gearing = config.gearing
+    resolution = None if gearing is None else (gearing.full_steps, gearing.microsteps)
+    return resolution, config.encoder, config.encoder_resolution, config.encoder_direction, config.home_offset

@@ -6,22 +6,18 @@ software limit with the other).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from drivers.cia402 import objects
 from drivers.cia402.power import PowerState, Statusword, decode_state
 from drivers.errors import NotReady, Obstacle
+from drivers.master.axis_parameters import PAIRS, Wanted, wanted
 from drivers.master.axis_tools import AxisTools
-from drivers.master.config import INT32_MAX, INT32_MIN
+from drivers.master.config import AxisConfig
 from drivers.master.establish import Establisher
 from drivers.master.sdo_client import Priority
 
-MICROSTEPS = 0x2000
-FULL_STEPS = 0x2001
-SWITCH_PARAMETERS = 0x2005
-START_VELOCITY = 0x2010
-DECELERATION_D1 = 0x2013
-DECELERATION_D2 = 0x2018
 VELOCITY_DIMENSION = 0x208C
 PULSES_PER_SECOND = 181
 """208Ch: velocities in pps, accelerations in pps/s (manual §4.2.19)."""
@@ -98,61 +94,50 @@ class AxisSetup:
         else:
             await self.configure(self._tools.drive.status.statusword)
 
-    @property
-    def _without_power(self) -> dict[int, int]:
-        """What the module takes in SWITCH_ON_DISABLED only, and what must not change under a held motor.
+    def wanted(self, config: AxisConfig) -> tuple[Wanted, ...]:
+        """What the axis's objects should hold under a configuration, in the order of writing."""
+        return tuple(wanted(config, self._tools.objects.profile, self._tools.number))
 
-        The manual lets 2000h and 2001h be written at any time (§4.2.1, §4.2.2), but they change what a step
-        is.
-        """
-        config = self._tools.config
-        wanted = {VELOCITY_DIMENSION: PULSES_PER_SECOND, SWITCH_PARAMETERS: config.switch_parameters}
-        if config.gearing is not None:
-            wanted[MICROSTEPS] = config.gearing.microstep_exponent
-            wanted[FULL_STEPS] = config.gearing.full_steps
-        return wanted
+    async def apply(self, config: AxisConfig, establisher: Establisher) -> None:
+        """Have the module hold another configuration; what needs SWITCH_ON_DISABLED is written first."""
+        await self._establish_all(self.wanted(config), establisher)
 
     async def _establish_without_power(self) -> None:
-        for index, value in self._without_power.items():
-            await self._establish(index, value)
+        await self._establish(VELOCITY_DIMENSION, PULSES_PER_SECOND)
+        rows = [one for one in self.wanted(self._tools.config) if one.needs_power_off]
+        await self._establish_all(rows, self._establisher)
 
     async def _differences_that_need_power_off(self) -> str:
+        rows = {
+            one.parameter.key: one.value for one in self.wanted(self._tools.config) if one.needs_power_off
+        }
         wrong: list[str] = []
-        for index, value in self._without_power.items():
-            if self._has(index):
-                held = await self._read(index)
+        for (index, sub), value in {(VELOCITY_DIMENSION, 0): PULSES_PER_SECOND, **rows}.items():
+            if self._has(index, sub):
+                held = await self._read(index, sub)
                 if held != value:
                     wrong.append(f"{index:04X}h is {held} instead of {value}")
         return f"Axis {self._tools.config.name}: {', '.join(wrong)}." if wrong else ""
 
     async def _establish_motion(self) -> None:
-        config = self._tools.config
-        await self._establish(objects.POSITION_WINDOW, 0)
-        await self._establish(objects.POSITION_WINDOW_TIME, 0)
-        await self._establish_pair(
-            (START_VELOCITY, 0, config.start_velocity), (objects.END_VELOCITY, 0, config.end_velocity)
-        )
-        for index in (DECELERATION_D1, DECELERATION_D2):
-            await self._establish(index, config.deceleration)
-        await self._establish(objects.PROFILE_VELOCITY, config.velocity)
-        await self._establish(objects.PROFILE_ACCELERATION, config.acceleration)
-        await self._establish(objects.PROFILE_DECELERATION, config.deceleration)
-        await self._establish(objects.HOMING_SPEEDS, config.homing_fast, sub=1)
-        await self._establish(objects.HOMING_SPEEDS, config.homing_slow, sub=2)
-        await self._establish(objects.HOMING_ACCELERATION, config.homing_acceleration)
-        await self._establish(objects.HOME_OFFSET, config.home_offset)
-        low, high = config.soft_limits or (INT32_MIN, INT32_MAX)
-        await self._establish_pair((objects.SOFTWARE_LIMIT, 1, low), (objects.SOFTWARE_LIMIT, 2, high))
+        rows = [one for one in self.wanted(self._tools.config) if not one.needs_power_off]
+        safe = objects.QUICK_STOP_DECELERATION  # held since `make_safe`
+        await self._establish_all([one for one in rows if one.parameter.index != safe], self._establisher)
         await self._establish(objects.POSITIONING_OPTION, 0)
 
-    async def _establish_pair(self, lower: tuple[int, int, int], upper: tuple[int, int, int]) -> None:
-        """Two objects of which the first must never pass the second, on the way either."""
-        if not (self._has(lower[0], lower[1]) and self._has(upper[0], upper[1])):
-            return
-        held = await self._read(lower[0], lower[1])
-        order = (lower, upper) if upper[2] < held else (upper, lower)
-        for index, sub, value in order:
-            await self._establish(index, value, sub=sub)
+    async def _establish_all(self, rows: Sequence[Wanted], establisher: Establisher) -> None:
+        """One after the other, and of each of `PAIRS` first the one that makes room for the other."""
+        waiting = {one.parameter.key: one for one in rows}
+        for one in rows:
+            key = one.parameter.key
+            upper = PAIRS.get(key)
+            if upper in waiting:
+                held = await establisher.read(one.spec.address)
+                if held is None or waiting[upper].value >= held:
+                    other = waiting.pop(upper)
+                    await establisher.hold(other.spec.address, other.value)
+            if waiting.pop(key, None) is not None:
+                await establisher.hold(one.spec.address, one.value)
 
     def _has(self, index: int, sub: int = 0) -> bool:
         return self._tools.objects.has(index, sub, self._tools.number)

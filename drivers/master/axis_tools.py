@@ -86,17 +86,29 @@ class DriveParameters:
             self._held.pop(address, None)
 
 
+class CurrentConfig:
+    """The one configuration that an axis goes by. `Axis.go_by` replaces it, and nobody keeps a copy."""
+
+    def __init__(self, config: AxisConfig) -> None:
+        self.value = config
+
+
 @dataclass(frozen=True, slots=True)
 class AxisTools:
     """One axis's drive, objects, configuration and times."""
 
     node_id: int
     number: int
-    config: AxisConfig
+    current: CurrentConfig
     timing: Timing
     drive: Drive
     objects: ObjectAccess
     parameters: DriveParameters
+
+    @property
+    def config(self) -> AxisConfig:
+        """The configuration that the axis goes by now; another may be set while it stands."""
+        return self.current.value
 
     @property
     def where(self) -> Where:

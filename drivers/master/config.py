@@ -7,27 +7,28 @@ while 208Ch is 181 (manual §4.2.19). Everything is checked when it is made, bef
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
+from typing import NamedTuple
 
-from drivers.errors import BadValue
+from drivers.errors import BadValue, BrokenRule, RulesBroken
+from drivers.master.axis_rules import HIGHEST_RATE, INT32_MAX, INT32_MIN, broken_gearing, broken_rules
 from drivers.master.gearing import STEPS, Gearing, exact, relatives
 
-INT32_MIN = -(2**31)
-INT32_MAX = 2**31 - 1
-HIGHEST_RATE = 16_777_215
-"""The highest velocity or acceleration that the ramp generator's registers take (ranges in manual §4.2.11
-ff.).
-"""
-
-_LARGEST_TERM = 10**15
-"""Of a gear's or a pitch's ratio, so that numbers stay handy."""
+__all__ = ["HIGHEST_RATE", "INT32_MAX", "INT32_MIN", "AxisConfig", "NetworkConfig", "NodeConfig"]
 
 
 def _require(condition: bool, message: str) -> None:
     if not condition:
         raise BadValue(message, hint="Correct the configuration of the axis or node named in the message.")
+
+
+class Limits(NamedTuple):
+    """Lowest and highest target, steps."""
+
+    lower: int
+    upper: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,12 +55,32 @@ class AxisConfig:
     """6083h, steps/s2, 1..16777215. Also decelerates in profile velocity (manual §6.1.14)."""
     deceleration: int = 102_400
     """6084h, steps/s2, 1..16777215."""
+    max_velocity: int = HIGHEST_RATE
+    """steps/s: a command above it is refused."""
+    max_acceleration: int = HIGHEST_RATE
+    """steps/s2: a command whose acceleration or deceleration is above it is refused; a quick stop is not."""
     quick_stop_deceleration: int = 512_000
     """6085h, steps/s2, 1..16777215: quick stop and fault reaction."""
     start_velocity: int = 0
     """2010h VSTART, steps/s."""
     end_velocity: int = 10
     """6082h VSTOP, steps/s, at least 10 and at least `start_velocity` (manual §1.5)."""
+    ramp_a1: int = 0
+    """2011h, steps/s2: acceleration up to `ramp_v1`."""
+    ramp_v1: int = 0
+    """2012h, steps/s: with `ramp_v2` 0 as well the ramp is a trapezoid (manual §1.5)."""
+    ramp_d1: int | None = None
+    """2013h, steps/s2: deceleration below `ramp_v1`; never 0. None: `deceleration`."""
+    ramp_a2: int = 0
+    """2016h, steps/s2: acceleration from `ramp_v1` to `ramp_v2`."""
+    ramp_v2: int = 0
+    """2017h, steps/s."""
+    ramp_d2: int | None = None
+    """2018h, steps/s2: deceleration from `ramp_v2` to `ramp_v1`; never 0. None: `deceleration`."""
+    ramp_wait: int | None = None
+    """2015h, 32 us each: rest at standstill before the next ramp. None: as the module holds it, like every
+    None below.
+    """
     homing_method: int = 35
     """6098h, used when a home command names none. 35 takes the present position as zero and doesn't move."""
     homing_fast: int = 25_600
@@ -76,55 +97,116 @@ class AxisConfig:
     """2005h, bits of manual table 62: 0 uses both limit switches, 3 ignores them (none wired)."""
     position_tolerance: int = 0
     """How far from the target, in steps, a finished move may read; above 0 only with an encoder."""
+    position_window: int = 0
+    """6067h, steps: how near the encoder must be to the target; 0: the demand has reached it."""
+    position_window_time: int = 0
+    """6068h, ms in the window before the target counts as reached."""
+    following_error_window: int | None = None
+    """6065h, steps; 0: never."""
+    run_current: int | None = None
+    """2003h, 0..255 for 0..100 % of the driver's current."""
+    standby_current: int | None = None
+    """2004h, 0..255 for 0..100 % of the driver's current."""
+    standby_delay: int | None = None
+    """2089h, 10 ms each: standstill before the standby current."""
+    encoder: bool | None = None
+    """606Ah: whether positions come from the encoder."""
+    encoder_resolution: int | None = None
+    """608Fh:1, increments in a motor turn."""
+    encoder_null_polarity: int | None = None
+    """200Bh:1, 0 or 1."""
+    encoder_direction: int | None = None
+    """200Bh:2, 1: opposite to the motor."""
+    encoder_initialize: int | None = None
+    """200Bh:3, 1: positions begin with the encoder's."""
+    brake_apply_current: int | None = None
+    """200Ch:1, 0..255."""
+    brake_release_current: int | None = None
+    """200Ch:2, 0..255; 0 in both: no brake."""
+    brake_apply_delay: int | None = None
+    """2002h:1, ms from applying the brake to power off."""
+    brake_release_delay: int | None = None
+    """2002h:2, ms from releasing the brake to OPERATION_ENABLED."""
+    enable_delay: int | None = None
+    """200Ah, ms from power on to releasing the brake."""
     require_homing: bool = False
     """Whether absolute moves are refused until the axis was homed."""
 
     def __post_init__(self) -> None:
-        where = f"Axis {self.name!r}"
-        _require(bool(self.name.strip()), "An axis needs a name.")
-        _require(not self.name.strip().isdecimal(), f"{where}: a name must not be a bare number.")
-        _require(bool(self.unit.strip()), f"{where}: the unit must not be empty.")
-        self._settle_units(where)
-        for name in (
-            "velocity", "acceleration", "deceleration", "quick_stop_deceleration",
-            "homing_fast", "homing_slow", "homing_acceleration",
-        ):  # fmt: skip
-            value: int = getattr(self, name)
-            _require(1 <= value <= HIGHEST_RATE, f"{where}: {name} must be 1..{HIGHEST_RATE}, not {value}.")
-        _require(
-            0 <= self.start_velocity <= self.end_velocity <= HIGHEST_RATE and self.end_velocity >= 10,
-            f"{where}: end_velocity must be at least 10 and at least start_velocity.",
-        )
-        _require(0 <= self.switch_parameters <= 63, f"{where}: switch_parameters must be 0..63.")
-        _require(self.position_tolerance >= 0, f"{where}: position_tolerance must not be negative.")
-        _require(INT32_MIN <= self.home_offset <= INT32_MAX, f"{where}: home_offset must fit 32 bits.")
-        if self.soft_limits is not None:
-            low, high = self.soft_limits
-            _require(
-                INT32_MIN <= low < high <= INT32_MAX,
-                f"{where}: soft_limits must be (lowest, highest), 32 bits.",
-            )
-
-    def _settle_units(self, where: str) -> None:
-        known = {STEPS: Fraction(1)}
+        broken = list(broken_rules(self))
         if self.gearing is not None:
-            _check_gearing(where, self.gearing)
+            broken += broken_gearing(self.gearing)
+        if not broken:
+            broken += self._settle_units()
+        if broken:
+            raise RulesBroken(f"Axis {self.name!r}", tuple(broken))
+
+    def _settle_units(self) -> Iterator[BrokenRule]:
+        known = {STEPS: Fraction(1)}
+        per_unit = self.steps_per_unit
+        if not self.unit.strip():
+            yield BrokenRule("unit", "unit_is_a_word", "The unit must not be empty.")
+        elif self.gearing is not None:
             known |= self.gearing.units
-            _require(
-                self.unit in known,
-                f"{where}: the unit {self.unit} does not follow from the gearing; {', '.join(known)} do "
-                "(a length needs a pitch).",
-            )
-            object.__setattr__(self, "steps_per_unit", known[self.unit])
+            if self.unit in known:
+                per_unit = known[self.unit]
+            else:
+                yield BrokenRule(
+                    "unit",
+                    "unit_follows_from_gearing",
+                    f"The unit {self.unit} does not follow from the gearing; {', '.join(known)} do "
+                    "(a length needs a pitch).",
+                )
+        elif math.isfinite(per_unit) and 1e-9 <= abs(per_unit) < 1e12:
+            per_unit = exact(per_unit)
+            known = relatives(self.unit, per_unit) | known
         else:
-            per_unit = self.steps_per_unit
-            _require(
-                math.isfinite(per_unit) and 1e-9 <= abs(per_unit) < 1e12,
-                f"{where}: steps_per_unit must be a finite number from 1e-9 to 1e12, negative or not.",
+            yield BrokenRule(
+                "steps_per_unit",
+                "range_of_steps_per_unit",
+                "steps_per_unit must be a finite number from 1e-9 to 1e12, negative or not.",
             )
-            object.__setattr__(self, "steps_per_unit", exact(per_unit))
-            known = relatives(self.unit, exact(per_unit)) | known
+        object.__setattr__(self, "steps_per_unit", per_unit)
         object.__setattr__(self, "units", known)
+
+    @property
+    def d1(self) -> int:
+        """2013h, steps/s2."""
+        return self.deceleration if self.ramp_d1 is None else self.ramp_d1
+
+    @property
+    def d2(self) -> int:
+        """2018h, steps/s2."""
+        return self.deceleration if self.ramp_d2 is None else self.ramp_d2
+
+    @property
+    def module_limits(self) -> Limits:
+        """607Dh, steps: `soft_limits`, or the whole range."""
+        return Limits(INT32_MIN, INT32_MAX) if self.soft_limits is None else Limits(*self.soft_limits)
+
+    def check_rates(
+        self, *, velocity: int | None = None, acceleration: int | None = None, deceleration: int | None = None
+    ) -> None:
+        """Hold what a command asks for (without direction, steps/s and steps/s2) against the maxima.
+
+        Raises `RulesBroken`.
+        """
+        asked = (
+            ("velocity", velocity, "max_velocity", self.max_velocity, "steps/s"),
+            ("acceleration", acceleration, "max_acceleration", self.max_acceleration, "steps/s2"),
+            ("deceleration", deceleration, "max_acceleration", self.max_acceleration, "steps/s2"),
+        )
+        broken = tuple(
+            BrokenRule(
+                name,
+                rule,
+                f"{name} must be at most {rule}, which is {highest} {unit} here, not {value} {unit}.",
+            )
+            for name, value, rule, highest, unit in asked
+            if value is not None and value > highest
+        )
+        if broken:
+            raise RulesBroken(f"Axis {self.name!r}", broken)
 
     @property
     def target_range(self) -> tuple[int, int]:
@@ -133,23 +215,6 @@ class AxisConfig:
             return INT32_MIN, INT32_MAX
         low, high = self.soft_limits
         return max(INT32_MIN, low - self.home_offset), min(INT32_MAX, high - self.home_offset)
-
-
-def _check_gearing(where: str, gearing: Gearing) -> None:
-    _require(
-        1 <= gearing.full_steps <= 65_535, f"{where}: full_steps must be 1..65535 (2001h, manual §4.2.2)."
-    )
-    _require(
-        gearing.microsteps in {1 << exponent for exponent in range(9)},
-        f"{where}: microsteps must be a power of 2 from 1 to 256 (2000h, manual §4.2.1).",
-    )
-    _require(gearing.direction in (1, -1), f"{where}: direction must be 1 or -1.")
-    for name, ratio in (("gear", gearing.gear), ("pitch", gearing.pitch_um)):
-        if ratio is not None:
-            _require(
-                ratio > 0 and max(ratio.numerator, ratio.denominator) <= _LARGEST_TERM,
-                f"{where}: {name} must be above 0, with at most 15 digits.",
-            )
 
 
 @dataclass(frozen=True, slots=True)

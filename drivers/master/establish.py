@@ -2,12 +2,26 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 from drivers.cia301.objects import Address
 from drivers.errors import ConfigurationRefused, SdoAborted
-from drivers.master.boot_log import BootLog, Change
+from drivers.master.boot_log import Change
 from drivers.master.object_access import ObjectAccess
 from drivers.master.sdo_client import Priority
 from drivers.master.where import Where
+
+
+class ChangeLog(Protocol):
+    """Who is told what was compared and written."""
+
+    def compared(self) -> None:
+        """An object was held against what it should be."""
+        ...
+
+    def wrote(self, change: Change) -> None:
+        """An object differed and was written."""
+        ...
 
 
 class Establisher:
@@ -16,7 +30,7 @@ class Establisher:
     All raise `SdoError` and `BusError`, and `UnknownObject` for what the profile does not have.
     """
 
-    def __init__(self, node_id: int, objects: ObjectAccess, log: BootLog) -> None:
+    def __init__(self, node_id: int, objects: ObjectAccess, log: ChangeLog) -> None:
         self._node_id = node_id
         self.objects = objects
         self.log = log

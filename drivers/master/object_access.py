@@ -15,15 +15,15 @@ class ObjectAccess:
 
     def __init__(self, node_id: int, profile: DeviceProfile, sdo: SdoClient) -> None:
         self._node_id = node_id
-        self._profile = profile
+        self.profile = profile
         self._sdo = sdo
 
     def spec(self, address: Address) -> ObjectSpec:
         """What the profile says of an address. Raises `UnknownObject`."""
-        spec = self._profile.find(address)
+        spec = self.profile.find(address)
         if spec is None:
             raise UnknownObject(
-                f"A {self._profile.model} has no object {address}.",
+                f"A {self.profile.model} has no object {address}.",
                 node=self._node_id,
                 index=address.index,
                 sub=address.sub,
@@ -33,7 +33,7 @@ class ObjectAccess:
     def has(self, index: int, sub: int = 0, axis: int | None = None) -> bool:
         """Whether the model has this object (base index)."""
         try:
-            self._profile.spec(index, sub, axis)
+            self.profile.spec(index, sub, axis)
         except KeyError:
             return False
         return True
@@ -41,10 +41,10 @@ class ObjectAccess:
     def address(self, index: int, sub: int = 0, axis: int | None = None) -> Address:
         """The real address of a base index on an axis. Raises `UnknownObject`."""
         try:
-            return self._profile.spec(index, sub, axis).address
+            return self.profile.spec(index, sub, axis).address
         except KeyError:
             raise UnknownObject(
-                f"A {self._profile.model} has no object {Address(index, sub)} on axis {axis}.",
+                f"A {self.profile.model} has no object {Address(index, sub)} on axis {axis}.",
                 node=self._node_id,
                 index=index,
                 sub=sub,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from drivers.devices.ramp import Ramp, plan_move, plan_stop, plan_velocity
+from drivers.devices.ramp import Ramp, bands, plan_move, plan_stop, plan_velocity
 from drivers.devices.trajectory import Trajectory
 from drivers.master.config import AxisConfig
 
@@ -37,12 +37,13 @@ def predict_move(
     deceleration: int | None = None,
 ) -> Prediction:
     """A move in profile position mode from standstill. Rates in steps/s and steps/s2; None: as configured."""
-    ramp = Ramp.trapezoid(
-        velocity or config.velocity,
-        acceleration or config.acceleration,
-        deceleration or config.deceleration,
+    v1, v2 = config.ramp_v1, config.ramp_v2
+    ramp = Ramp(
         config.start_velocity,
         config.end_velocity,
+        velocity or config.velocity,
+        bands(v1, v2, config.ramp_a1, config.ramp_a2, acceleration or config.acceleration),
+        bands(v1, v2, config.d1, config.d2, deceleration or config.deceleration),
     )
     return _prediction(plan_move(0.0, start, 0.0, target, ramp), start, target)
 

@@ -11,7 +11,7 @@ from drivers.cia402.power import PowerState
 from drivers.errors import AxisBusy, BusDown, CanaxisError, NodeAway, NotReady, Obstacle, StopLatched
 from drivers.master.errands import COMING_TO_REST, ErrandName
 from drivers.master.referencing import needs_enabled
-from drivers.master.status import SWITCHED_OFF, Failsafe, NodeState
+from drivers.master.status import SWITCHED_OFF, Adoption, Failsafe, NodeState
 
 if TYPE_CHECKING:
     from drivers.master.axis import Axis
@@ -31,6 +31,7 @@ class AxisCommand(enum.StrEnum):
     JOG = "jog"
     STOP = "stop"
     QUICK_STOP = "quick_stop"
+    SETTINGS = "change_settings"
 
     @property
     def is_motion(self) -> bool:
@@ -77,13 +78,15 @@ def obstacles(
         return ()
     found = [*_reach(axis)]
     if command is AxisCommand.ENABLE or command.is_motion:
-        found += [*_permission(axis), *_drive(axis, command, method)]
+        found += [*_permission(axis), *_settled(axis), *_drive(axis, command, method)]
     if command is AxisCommand.MOVE and absolute and axis.config.require_homing and not axis.status.referenced:
         found.append(
             Obstacle(
                 "not_referenced", "The axis was not homed since the module's last reset.", "Home the axis."
             )
         )
+    if command is AxisCommand.SETTINGS and axis.status.adopted is not None:
+        found.append(_adopted(axis.status.adopted))
     found += _busy(axis, command)
     return tuple(found)
 
@@ -118,10 +121,11 @@ def boot_obstacles(node: Node) -> Iterator[Obstacle]:
     if node.state is not NodeState.OPERATIONAL:
         return
     for axis in node.axes:
-        if axis.errand is not None or axis.status.moving or axis.status.state not in SWITCHED_OFF:
+        used = axis.errand or ("being given other settings" if axis.configuring else None)
+        if used is not None or axis.status.moving or axis.status.state not in SWITCHED_OFF:
             yield Obstacle(
                 "in_use",
-                f"Axis {axis.name} is {axis.errand or axis.status.state or 'in no known state'}.",
+                f"Axis {axis.name} is {used or axis.status.state or 'in no known state'}.",
                 "Disable every axis of the node first.",
             )
 
@@ -180,6 +184,15 @@ def _permission(axis: Axis) -> Iterator[Obstacle]:
         )
 
 
+def _settled(axis: Axis) -> Iterator[Obstacle]:
+    if axis.unsettled:
+        yield Obstacle(
+            "settings_unsettled",
+            axis.unsettled,
+            f"Take the node in anew: POST /api/v1/nodes/{axis.node.node_id}/boot, with its axes disabled.",
+        )
+
+
 def _drive(axis: Axis, command: AxisCommand, method: int | None) -> Iterator[Obstacle]:
     status = axis.status
     if status.state in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE):
@@ -193,11 +206,7 @@ def _drive(axis: Axis, command: AxisCommand, method: int | None) -> Iterator[Obs
         if axis.adopted and status.moving:
             yield Obstacle("moving", "The axis turns since before this service started.", "Stop it first.")
     elif status.adopted is not None:
-        yield Obstacle(
-            "adopted",
-            status.adopted.reason,
-            "Stop the axis, then enable it: that claims it.",
-        )
+        yield _adopted(status.adopted)
     elif status.state is not PowerState.OPERATION_ENABLED:
         chosen = axis.config.homing_method if method is None else method
         powerless = command is AxisCommand.SET_POSITION or (
@@ -207,6 +216,10 @@ def _drive(axis: Axis, command: AxisCommand, method: int | None) -> Iterator[Obs
             yield Obstacle(
                 "not_enabled", f"The axis is {status.state or 'in no known state'}.", "Enable the axis."
             )
+
+
+def _adopted(adoption: Adoption) -> Obstacle:
+    return Obstacle("adopted", adoption.reason, "Stop the axis, then enable it: that claims it.")
 
 
 def _busy(axis: Axis, command: AxisCommand) -> Iterator[Obstacle]:
@@ -219,6 +232,11 @@ def _busy(axis: Axis, command: AxisCommand) -> Iterator[Obstacle]:
     if errand is not None and command is not AxisCommand.DISABLE and not replaces and not joins:
         yield Obstacle("busy", f"The axis is {errand}.", "Wait until it has ended, or stop the axis.")
     turning = axis.status.moving and axis.status.mode is Mode.PROFILE_VELOCITY
-    standing = (AxisCommand.MOVE, AxisCommand.HOME, AxisCommand.SET_POSITION, AxisCommand.JOG)
+    if axis.configuring and command is not AxisCommand.DISABLE:
+        yield Obstacle("busy", "The axis's settings are being changed.", "Wait a moment, then try again.")
+    standing = (
+        *(AxisCommand.MOVE, AxisCommand.HOME, AxisCommand.SET_POSITION),
+        *(AxisCommand.JOG, AxisCommand.SETTINGS),
+    )
     if command in standing and errand is None and (turning or axis.status.moving):
         yield Obstacle("turning", "The axis is turning.", "Stop the axis first.")
