@@ -24,6 +24,7 @@ from app.units import Scale
 from app.views import axis_path
 from drivers.master.axis import Axis
 from drivers.master.motion import MotionKind, Undertaking
+from drivers.master.node import Node
 
 KEPT = 1000
 """How many ended operations are held in memory."""
@@ -65,7 +66,9 @@ class Operation:
         error = None
         if motion.error is not None and motion.state.value == OperationState.FAILED:
             error = Problem.model_validate(problems.of_driver_error(motion.error).body)
-        asked = _asked(self.id, motion.kind, motion.axes, self.request, self.asked_by, motion.created)
+        asked = _asked(
+            self.id, motion.kind, motion.axes, motion.node, self.request, self.asked_by, motion.created
+        )
         news = {
             "state": OperationState(motion.state.value),
             "progress": motion.progress,
@@ -83,6 +86,7 @@ def _asked(
     operation_id: str,
     kind: MotionKind,
     axes: Sequence[Axis],
+    node: Node | None,
     request: Mapping[str, Any],
     asked_by: Asker,
     created: datetime,
@@ -93,7 +97,7 @@ def _asked(
     return OperationReply(
         id=operation_id,
         kind=kind.value,
-        node=None if only is None else only.node.node_id,
+        node=None if node is None else node.node_id,
         axis=None if only is None else only.number,
         axes=[OperationAxis(node=a.node.node_id, axis=a.number, name=a.name) for a in axes],
         state=OperationState.QUEUED,
@@ -155,6 +159,7 @@ class OperationRegister:
         request: Mapping[str, Any],
         begin: Callable[[str], Undertaking],
         *,
+        node: Node | None = None,
         asked_by: Asker = NOBODY,
         claim: Claim | None = None,
     ) -> Operation:
@@ -163,10 +168,11 @@ class OperationRegister:
         The Idempotency-Key that it came with (`claim`) is written down in the same transaction.
 
         Should the service die in between, it is found as failed, and nothing was sent twice. A store that is
-        off holds nothing up.
+        off holds nothing up. `node` is what it is about where it is about no axis.
         """
         operation_id = uuid.uuid4().hex
-        asked = _asked(operation_id, kind, axes, request, asked_by, datetime.now(UTC))
+        where = axes[0].node if len(axes) == 1 else node
+        asked = _asked(operation_id, kind, axes, where, request, asked_by, datetime.now(UTC))
         key = None if claim is None else claim.key
         spent = () if claim is None else claim.spend()
         try:

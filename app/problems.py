@@ -89,6 +89,8 @@ _ROWS = (
         "No such object",
         "The module's manual lists its objects; indices are hexadecimal.",
     ),
+    ("unknown_terminal", 404, "No such input or output", "List them with GET inputs and GET outputs."),
+    ("input_timeout", 504, "Input did not get there in time", "Look at the input, or give it more time."),
     ("bad_value", 422, "Value not allowed", "Nothing was sent; correct the value and try again."),
     (
         "not_ready",

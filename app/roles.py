@@ -50,6 +50,8 @@ COMMANDS: tuple[tuple[str, str, Role], ...] = (
     ("POST", f"{API}/tickets", Role.READ),  # a ticket is never worth more than the token it was asked with
     ("POST", f"{API}/nodes/{{node}}/boot", Role.CONFIGURE),  # writes the node's parameters anew
     ("POST", f"{API}/nodes/{{node}}/verify-failsafe", Role.CONFIGURE),  # lets an enabled axis fault
+    ("POST", f"{API}/nodes/{{node}}/outputs/{{output}}", Role.MOVE),  # whatever hangs on it may move
+    ("POST", f"{API}/nodes/{{node}}/waits", Role.MOVE),
     ("PUT", f"{API}/nodes/{{node}}/objects/{{index}}/{{sub}}", Role.CONFIGURE),
 )
 """Every command of the API with the least role that may give it. What is missing here needs CONFIGURE."""

@@ -151,6 +151,9 @@ class NodeSettings(Section):
     name: Name
     model: str = "TMCM-3216"
     axes: tuple[AxisSettings, ...] = Field(default_factory=_three_axes, min_length=1)
+    analog_full_scale: float | None = Field(
+        default=None, gt=0, le=1000, description="Volts at which an analog input reads its highest value."
+    )
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -166,6 +169,7 @@ class NodeSettings(Section):
             name=self.name,
             model=self.model,
             axes=tuple(axis.to_config() for axis in self.axes),
+            analog_full_scale=self.analog_full_scale,
         )
 
 

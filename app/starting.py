@@ -12,6 +12,7 @@ from app.operations import operation_path
 from app.schemas.operations import OperationReply
 from drivers.master.axis import Axis
 from drivers.master.motion import MotionKind, Undertaking
+from drivers.master.node import Node
 
 
 class Starter:
@@ -27,20 +28,22 @@ class Starter:
     async def start(
         self,
         kind: MotionKind,
-        axes: Axis | Sequence[Axis],
+        axes: Axis | Node | Sequence[Axis],
         asked: Mapping[str, Any],
         begin: Callable[[str], Undertaking],
     ) -> OperationReply:
         """Begin what `begin` makes of the operation's id, and wait as long as the client wants.
 
-        Raises what `begin` raises; then nothing was sent, and no operation is left behind.
+        It is about one axis, several, or a node as such. Raises what `begin` raises; then nothing was sent,
+        and no operation is left behind.
         """
         operation = await self._service.command(
             self._service.operations.start(
                 kind,
-                (axes,) if isinstance(axes, Axis) else tuple(axes),
+                _axes(axes),
                 asked,
                 begin,
+                node=axes if isinstance(axes, Node) else None,
                 asked_by=self._asker.reply,
                 claim=self._asker.claim,
             )
@@ -51,6 +54,12 @@ class Starter:
         if self._wait.preferred:
             self._response.headers["Preference-Applied"] = f"wait={self._wait.seconds:g}"
         return operation.reply()
+
+
+def _axes(axes: Axis | Node | Sequence[Axis]) -> tuple[Axis, ...]:
+    if isinstance(axes, Node):
+        return ()
+    return (axes,) if isinstance(axes, Axis) else tuple(axes)
 
 
 StarterDep = Annotated[Starter, Depends()]

@@ -16,6 +16,8 @@ Item = Mapping[str, Any]
 _WORDS = {
     "missing": "is required",
     "number": "{text}",
+    "input_name": "{text}",
+    "wait": "{text}",
     "rate": "{text}",
     "scalar": "{text}",
     "int_type": "must be a whole number",

@@ -20,6 +20,13 @@ from app.schemas.nodes import (
     NodeReply,
 )
 from app.schemas.system import AxisStopReply, BusReply, StopReply, StopState
+from app.schemas.terminals import (
+    AnalogInputReply,
+    DigitalInputReply,
+    InputsReply,
+    OutputReply,
+    SwitchReply,
+)
 from app.units import Scale
 from drivers.errors import Obstacle
 from drivers.master.axis import Axis
@@ -28,6 +35,8 @@ from drivers.master.emergencies import EmergencyRecord
 from drivers.master.node import Node
 from drivers.master.readiness import AxisCommand
 from drivers.master.status import Adoption, StopLatch, StopReport
+from drivers.master.terminals import AnalogLevel, DigitalLevel, Output
+from drivers.master.waiting import switches_of
 
 if TYPE_CHECKING:
     from app.service import Service
@@ -164,6 +173,51 @@ def _boot_step(step: BootStep) -> BootStepReply:
         reason=step.reason,
         remedy=step.remedy,
         took_s=None if step.took_s is None else round(step.took_s, 4),
+    )
+
+
+def inputs(
+    node: Node, digital: Sequence[DigitalLevel], analog: Sequence[AnalogLevel], age_s: float
+) -> InputsReply:
+    """The inputs of a node; `age_s`: since the levels were asked for."""
+    switches: list[SwitchReply] = []
+    for axis, switch, name in switches_of(node):
+        age = axis.age()
+        switches.append(
+            SwitchReply(
+                axis=axis.number,
+                name=name,
+                on=bool(getattr(axis.status.switches, switch)),
+                age_s=None if age is None else round(age, 4),
+                stale=axis.status.stale,
+            )
+        )
+    return InputsReply(
+        node=node.node_id,
+        digital=[DigitalInputReply(number=d.number, name=d.name, on=d.on) for d in digital],
+        analog=[
+            AnalogInputReply(
+                number=a.number,
+                name=a.name,
+                raw=a.raw,
+                volts=None if a.volts is None else round(a.volts, 6),
+            )
+            for a in analog
+        ],
+        switches=switches,
+        age_s=round(age_s, 4),
+    )
+
+
+def output(node: Node, level: Output) -> OutputReply:
+    """One output."""
+    return OutputReply(
+        node=node.node_id,
+        number=level.number,
+        name=level.name,
+        on=level.on,
+        usable=level.usable,
+        push_pull=level.push_pull,
     )
 
 

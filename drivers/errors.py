@@ -107,6 +107,20 @@ class UnknownAxis(NodeError):
     hint = "List the node's axes with GET /api/v1/nodes/{node}."
 
 
+class UnknownTerminal(NodeError):
+    """The node has no input or output of that number or name."""
+
+    code = "unknown_terminal"
+    hint = "List them with GET /api/v1/nodes/{node}/inputs and outputs."
+
+
+class InputTimeout(NodeError):
+    """An input that was waited for did not get where it should in time."""
+
+    code = "input_timeout"
+    hint = "Look at the input (GET inputs), or give it more time."
+
+
 class NodeAway(NodeError):
     """The node is absent, lost, or not yet configured, so it can't be commanded."""
 

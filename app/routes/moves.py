@@ -18,7 +18,7 @@ from app.units import Scale
 from drivers.master.motion import Motion, MotionKind
 from drivers.master.requests import HomeRequest, MoveRequest, SetPositionRequest, VelocityRequest
 
-ANSWERS: Responses = {
+ANSWERED: Responses = {
     200: {
         "description": "It ended while the request waited; `state` says how.",
         "model": OperationReply,
@@ -31,8 +31,9 @@ ANSWERS: Responses = {
         "headers": {**location_header(), **preference_header()},
         "links": operation_links(),
     },
-    **problems(*MOVING),
 }
+"""How a command that takes time answers if it isn't refused."""
+ANSWERS: Responses = {**ANSWERED, **problems(*MOVING)}
 
 router = Router(
     f"{API}/nodes/{{node}}/axes/{{axis}}",

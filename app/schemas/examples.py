@@ -175,6 +175,16 @@ EMERGENCY: Example = {
     "severity": "fault",
     "active": True,
 }
+INPUTS: Example = {
+    "node": 1,
+    "digital": [{"number": 0, "name": "IN0", "on": True}],
+    "analog": [{"number": 0, "name": "AIN0", "raw": 2048, "volts": None}],
+    "switches": [{"axis": 0, "name": "x.home", "on": False, "age_s": 0.012, "stale": False}],
+    "age_s": 0.003,
+}
+OUTPUT: Example = {"node": 1, "number": 0, "name": "OUT0", "on": True, "usable": True, "push_pull": False}
+OUTPUT_BODY: Example = {"on": True}
+WAIT: Example = {"input": "IN0", "becomes": True, "timeout_s": 30}
 OBJECT: Example = {
     "node": 1,
     "index": "0x6064",

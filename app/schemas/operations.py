@@ -27,7 +27,7 @@ class OperationLinks(Reply):
 
     self: str
     cancel: str
-    axis: str | None = Field(description="None where it is about several axes.")
+    axis: str | None = Field(description="None where it is about several axes, or a node as such.")
 
 
 class OperationAxis(Reply):
@@ -107,7 +107,7 @@ class OperationReply(Reply):
     model_config = examples.shown(examples.OPERATION)
 
     id: str
-    kind: str = Field(description="move, velocity or home.")
+    kind: str = Field(description="move, velocity, home, set_position or wait_input.")
     node: int | None = Field(description="None where it is about several axes: see `axes`.")
     axis: int | None = Field(description="None where it is about several axes: see `axes`.")
     axes: list[OperationAxis] = Field(description="Every axis that takes part.")

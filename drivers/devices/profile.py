@@ -220,9 +220,13 @@ class DeviceProfile:
         """The entry at a real address, or None."""
         return self.objects.get(address)
 
+    def bits(self, address: Address) -> tuple[Meaning, ...]:
+        """A row for each bit of a flag object that is known, by any axis's address."""
+        return self.meanings.bits.get(self._base(address), ())
+
     def explain_bits(self, address: Address, value: int) -> tuple[Meaning, ...]:
         """What the bits set in `value` of a flag object of any axis mean; unknown bits are left out."""
-        return tuple(row for row in self.meanings.bits.get(self._base(address), ()) if value >> row.key & 1)
+        return tuple(row for row in self.bits(address) if value >> row.key & 1)
 
     def explain_code(self, address: Address, value: int) -> Meaning | None:
         """What a value of an option code of any axis means, or None."""

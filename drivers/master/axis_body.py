@@ -18,7 +18,7 @@ from drivers.master.axis_setup import AxisSetup, Found
 from drivers.master.axis_tools import AxisTools, CurrentConfig, DriveParameters
 from drivers.master.config import AxisConfig
 from drivers.master.confirmation import contradiction
-from drivers.master.drive import Drive
+from drivers.master.drive import Condition, Drive
 from drivers.master.emergencies import EmergencyRecord
 from drivers.master.errands import ErrandName
 from drivers.master.motion import Motion, Undertaking
@@ -149,6 +149,10 @@ class AxisBody:
     async def has_status(self, seconds: float) -> bool:
         """Wait until both status TPDOs have come."""
         return await self._drive.until(lambda status: not status.stale, seconds)
+
+    async def shows(self, condition: Condition, seconds: float) -> bool:
+        """Wait until a status meets `condition`; False if none does within `seconds`."""
+        return await self._drive.until(condition, seconds)
 
     def interrupt(self, error: CanaxisError, *, stop: bool) -> None:
         """Something outside ended what the axis did; with `stop` the halt is tried too."""

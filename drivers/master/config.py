@@ -230,6 +230,8 @@ class NodeConfig:
     axes: tuple[AxisConfig, ...] = ()
     """At most as many as the model has; what is missing gets defaults and the names ``axis0``, ``axis1``...
     """
+    analog_full_scale: float | None = None
+    """Volts at which an analog input reads its highest value; None: unknown, the manual gives no scale."""
 
     def __post_init__(self) -> None:
         _require(
@@ -237,6 +239,10 @@ class NodeConfig:
         )
         _require(bool(self.name.strip()), f"Node {self.node_id} needs a name.")
         _require(not self.name.strip().isdecimal(), f"Node {self.name!r}: a name must not be a bare number.")
+        volts = self.analog_full_scale
+        _require(
+            volts is None or 0 < volts <= 1000, f"Node {self.name!r}: analog_full_scale must be 0..1000 V."
+        )
         names = [axis.name for axis in self.axes]
         _require(len(set(names)) == len(names), f"Node {self.name!r}: two axes have the same name.")
 

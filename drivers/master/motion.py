@@ -18,6 +18,7 @@ from drivers.master.evidence import Evidence
 
 if TYPE_CHECKING:
     from drivers.master.axis import Axis
+    from drivers.master.node import Node
     from drivers.master.requests import Request
 
 
@@ -29,6 +30,8 @@ class MotionKind(enum.StrEnum):
     HOME = "home"
     SET_POSITION = "set_position"
     JOG = "jog"
+    WAIT_INPUT = "wait_input"
+    """Moves nothing, and holds no axis."""
 
 
 class MotionState(enum.StrEnum):
@@ -66,17 +69,27 @@ class MotionCancelled(CanaxisError):
 class Undertaking(ABC):
     """Awaitable and cancellable. It belongs to the axes, not to the client that asked for it."""
 
+    noun = "motion"
+    """What it is called where it is told that it was cancelled."""
+
     def __init__(
         self,
         kind: MotionKind,
         axes: tuple[Axis, ...],
         on_change: Callable[[Undertaking], None],
         undertaking_id: str | None = None,
+        *,
+        node: Node | None = None,
     ) -> None:
-        """`undertaking_id`: where it was written down before it began; None: a new one."""
+        """`undertaking_id`: where it was written down before it began; None: a new one.
+
+        `node` is what it belongs to where it has no axes.
+        """
         self.id = undertaking_id or uuid.uuid4().hex
         self.kind = kind
         self.axes = axes
+        self.node = axes[0].node if len(axes) == 1 else node
+        """The one node, where it is about one axis or a node as such; else None."""
         self.state = MotionState.QUEUED
         self.progress: float | None = None
         """0..1, or None where it can't be known."""
@@ -138,9 +151,9 @@ class Undertaking(ABC):
         """Something else ended it, on purpose."""
         one = self.axes[0] if len(self.axes) == 1 else None
         error = MotionCancelled(
-            f"The motion was cancelled: {reason}",
+            f"The {self.noun} was cancelled: {reason}",
             hint="Start it again if it is still wanted.",
-            node=None if one is None else one.node.node_id,
+            node=None if self.node is None else self.node.node_id,
             axis=None if one is None else one.number,
         )
         self._finish(MotionState.CANCELLED, error)

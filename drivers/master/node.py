@@ -40,6 +40,8 @@ from drivers.master.router import Router
 from drivers.master.sdo_client import Priority, SdoClient
 from drivers.master.status import SETTLED, SWITCHED_OFF, Failsafe, NodeState, NodeStatus
 from drivers.master.supervisor import NodeSupervisor
+from drivers.master.terminals import Terminals
+from drivers.master.waiting import Waits
 from drivers.master.where import Where
 
 _UNCONFIRMED = frozenset({0x8110, 0x8140})
@@ -81,6 +83,8 @@ class Node:
                 zip(_axis_configs(config, profile), pdos.axes, strict=True)
             )
         )
+        self.terminals = Terminals(self)
+        self.waits = Waits(self)
         self.supervisor = NodeSupervisor(self)
 
     # --- for its users ---
@@ -216,7 +220,8 @@ class Node:
         self.backbone.send(frame, urgent)
 
     def interrupt(self, error: CanaxisError, *, stop: bool) -> None:
-        """End what every axis does."""
+        """End what every axis does, and what is waited for."""
+        self.waits.fail(error)
         for axis in self.axes:
             axis.interrupt(error, stop=stop)
 
@@ -266,6 +271,7 @@ class Node:
     async def close(self) -> None:
         """End every task."""
         await self.supervisor.close()
+        await self.waits.close()
         self.sdo.close()
         for axis in self.axes:
             await axis.close()

@@ -13,6 +13,7 @@ import pytest
 import drivers.devices
 from drivers.bus.memory import MemoryWire
 from drivers.bus.pythoncan import PythonCanBus
+from drivers.cia301.objects import Address
 from drivers.cia402.power import PowerState
 from drivers.devices.catalog import Catalog
 from drivers.errors import AxisFault
@@ -20,7 +21,7 @@ from drivers.master.axis import Axis
 from drivers.master.config import NetworkConfig, NodeConfig
 from drivers.master.motion import MotionState
 from drivers.master.network import Network
-from drivers.master.requests import HomeRequest, MoveRequest
+from drivers.master.requests import HomeRequest, MoveRequest, SetPositionRequest
 from drivers.master.status import NodeState
 from drivers.sim.socketcand import SocketcandServer
 
@@ -131,3 +132,19 @@ async def test_a_local_node_that_dies_is_lost_and_comes_back(network: Network, p
     async with local_node(port):
         axes = await ready(network)
         assert axes[0].status.state is PowerState.SWITCH_ON_DISABLED, "never enabled by itself"
+
+
+async def test_an_output_is_written_and_read_back_and_a_position_set(network: Network, port: int) -> None:
+    async with local_node(port):
+        axes = await ready(network)
+        node = network.node(1)
+        await node.write(Address(0x2711), 0b1111, confirm=True)
+        assert (await node.terminals.switch(1, on=True)).on
+        assert (await node.terminals.switch(3, on=True)).on
+        assert not (await node.terminals.switch(1, on=False)).on
+        held = [await node.read(Address(0x2703, sub)) for sub in (1, 2)]
+        assert held == [1 << 19, 1 << 17 | 1 << 19]
+        await axes[1].enable()
+        motion = axes[1].set_position(SetPositionRequest(0))
+        await motion.wait(20)
+        assert motion.state is MotionState.SUCCEEDED, motion.error
