@@ -53,6 +53,18 @@ class BusCounters:
     """How often a lost wire was opened again."""
 
 
+@dataclass(frozen=True, slots=True)
+class Beside:
+    """How another process opens the same wire while this one has it open: see `drivers.bus.beside`."""
+
+    interface: str
+    """``socketcan`` or ``socketcand``."""
+    channel: str
+    host: str = ""
+    """Of the socketcand server."""
+    port: int = 0
+
+
 class Bus(Protocol):
     """A CAN bus that an event loop owns.
 
@@ -73,6 +85,11 @@ class Bus(Protocol):
     @property
     def counters(self) -> BusCounters:
         """What this bus carried so far."""
+        ...
+
+    @property
+    def beside(self) -> Beside | None:
+        """How another process opens this wire too; None if it is this process's alone."""
         ...
 
     async def open(self) -> None:

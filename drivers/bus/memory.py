@@ -219,6 +219,11 @@ class MemoryBus:
         """What this port carried so far."""
         return BusCounters(self._received, self._sent, self._outbox.dropped, self._reopened)
 
+    @property
+    def beside(self) -> None:
+        """See `Bus.beside`: the wire is within this process."""
+        return
+
     async def open(self) -> None:
         """See `Bus.open` and `join`."""
         self.join()

@@ -19,6 +19,7 @@ from typing import Any, cast
 
 import can
 
+from drivers.bus.base import Beside
 from drivers.bus.blocking import in_thread
 from drivers.bus.frame import Frame
 from drivers.bus.probe import find_socketcan, find_socketcand, has_carrier
@@ -80,6 +81,15 @@ class PythonCanBus(SupervisedBus):
             self._options.setdefault("tcp_tune", os.name != "nt")
             name = f"{name}@{self._host}:{self._port}"
         super().__init__(name, self._connect_link)
+
+    @property
+    def beside(self) -> Beside | None:
+        """See `Bus.beside`: SocketCAN and socketcand serve any number of programs."""
+        if self._channel is None:
+            return None
+        if self._interface == "socketcand":
+            return Beside("socketcand", self._channel, self._host, self._port)
+        return Beside("socketcan", self._channel) if self._interface == "socketcan" else None
 
     async def _connect_link(self) -> Link:
         """Open the interface. Raises `BusDown` with what to do about it."""

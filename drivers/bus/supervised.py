@@ -7,7 +7,7 @@ import contextlib
 from collections.abc import Awaitable, Callable, Collection, Sequence
 from typing import Protocol
 
-from drivers.bus.base import BusCounters, BusState, FrameHandler, StateHandler
+from drivers.bus.base import Beside, BusCounters, BusState, FrameHandler, StateHandler
 from drivers.bus.controller import reported_state
 from drivers.bus.frame import Frame
 from drivers.bus.listeners import Listeners
@@ -86,6 +86,11 @@ class SupervisedBus:
         if self._link is not None:
             overrun += self._link.overrun
         return BusCounters(self._received, self._sent, overrun + self._outbox.dropped, self._reopened)
+
+    @property
+    def beside(self) -> Beside | None:
+        """See `Bus.beside`: unless a subclass knows better, a link is ours alone."""
+        return None
 
     def subscribe(self, on_frames: FrameHandler, on_state: StateHandler | None = None) -> Callable[[], None]:
         """See `Bus.subscribe`."""

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Coroutine
+from typing import Protocol
 
 from drivers.errors import AxisFault, CanaxisError, MotionFailed, NotReady, Obstacle
 from drivers.master import stopping
 from drivers.master.axis_tools import AxisTools
 from drivers.master.errands import COMING_TO_REST, Errand, ErrandName, Errands
-from drivers.master.motion import Motion, MotionKind, Result
+from drivers.master.motion import Motion, MotionKind, Result, Undertaking
 
 Work = Coroutine[object, object, None]
 
@@ -23,14 +24,33 @@ _ERRANDS = {
 }
 
 
+class Guide(Protocol):
+    """Who leads an axis along a path that only it knows, and can bring it to rest on that path."""
+
+    def brake(self) -> None:
+        """Begin to come to rest, now."""
+        ...
+
+    async def at_rest(self) -> bool:
+        """Wait until nothing more comes; False if it did not come to rest, so that the drive must be halted.
+        Bounded.
+        """
+        ...
+
+    def cut(self) -> None:
+        """Let go of every axis, now: nothing more may be sent to them."""
+        ...
+
+
 class Activity:
     """Begins, joins, replaces and ends what one axis does. Nothing that it ends starts again."""
 
     def __init__(self, tools: AxisTools, on_bug: Callable[[BaseException], None]) -> None:
         self._tools = tools
         self._errands = Errands(f"node {tools.node_id} axis {tools.number}", on_bug)
-        self.motion: Motion | None = None
-        """The motion that runs, if one does."""
+        self.motion: Undertaking | None = None
+        """The motion that runs, if one does: the axis's own, or one in which it takes part."""
+        self._guide: Guide | None = None
 
     @property
     def errand(self) -> ErrandName | None:
@@ -52,6 +72,17 @@ class Activity:
         """Start the errand that a motion is; no errand may be running."""
         self.motion = motion
         self._errands.begin(_ERRANDS[motion.kind], self._carry_out(motion, work))
+
+    def take_part(
+        self, undertaking: Undertaking, name: ErrandName, work: Work, guide: Guide | None = None
+    ) -> None:
+        """Start this axis's part of what several do; no errand may be running.
+
+        What fails here fails the whole, which has every axis stop. The whole succeeds by whoever leads it.
+        With a `guide`, that brings the axis to rest as long as it leads it.
+        """
+        self.motion, self._guide = undertaking, guide
+        self._errands.begin(name, self._take_part(undertaking, work))
 
     # --- waiting ---
 
@@ -75,15 +106,15 @@ class Activity:
 
     def cancel_motion(self, reason: str) -> None:
         """End the motion on purpose, if one runs; the errand that carries it out is not touched."""
-        if self.motion is not None:
-            self.motion.give_up(reason)
-            self.motion = None
+        motion, self.motion = self.motion, None  # first: the end of what several do has the others stopped
+        if motion is not None:
+            motion.give_up(reason)
 
     def fail_motion(self, error: CanaxisError) -> None:
         """End the motion as failed, if one runs; the errand that carries it out is not touched."""
-        if self.motion is not None:
-            self.motion.fail(error)
-            self.motion = None
+        motion, self.motion = self.motion, None
+        if motion is not None:
+            motion.fail(error)
 
     def abandon(self, error: CanaxisError) -> None:
         """End the errand, if one runs; whoever waits for it gets `error`."""
@@ -99,8 +130,26 @@ class Activity:
             NotReady(message, obstacles=(obstacle,), node=self._tools.node_id, axis=self._tools.number)
         )
 
+    def begin_rest(self) -> Callable[[], Work]:
+        """Begin to come to rest, now, and what makes the work that is left of that: along the path if
+        somebody leads the axis, else by the drive's own halt.
+        """
+        guide = self._guide
+        if guide is None:
+            stopping.begin(self._tools)
+            return lambda: stopping.come_to_rest(self._tools)
+        guide.brake()
+        return lambda: self._rest_along(guide)
+
+    def let_go(self) -> None:
+        """Whoever leads the axis sends nothing more, to it and to the others that it leads."""
+        guide, self._guide = self._guide, None
+        if guide is not None:
+            guide.cut()
+
     async def close(self, error: CanaxisError) -> None:
         """Abandon what runs and wait until every task is gone."""
+        self.let_go()
         await self._errands.close(error)
 
     # --- a motion ---
@@ -129,7 +178,32 @@ class Activity:
         finally:
             self._forget(motion)
 
-    def _forget(self, motion: Motion) -> None:
+    async def _take_part(self, undertaking: Undertaking, work: Work) -> None:
+        """The end of the whole has every axis stopped, this one too."""
+        try:
+            await work
+        except AxisFault as fault:
+            undertaking.fail(await self._explained(fault))
+        except CanaxisError as error:
+            undertaking.fail(error)
+        except Exception as bug:
+            name, where = self._tools.config.name, self._tools.where
+            undertaking.fail(MotionFailed(f"Axis {name}: the service failed: {bug!r}.", **where))
+            raise
+        else:
+            self._guide = None
+        finally:
+            self._forget(undertaking)
+
+    async def _rest_along(self, guide: Guide) -> None:
+        if not await guide.at_rest():
+            guide.cut()
+        if self._guide is guide:
+            self._guide = None
+        stopping.begin(self._tools)
+        await stopping.come_to_rest(self._tools)
+
+    def _forget(self, motion: Undertaking) -> None:
         if self.motion is motion:
             self.motion = None
 

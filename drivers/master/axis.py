@@ -97,6 +97,7 @@ class Axis(AxisBody):
         """
         self._activity.cancel_motion("The axis was quick-stopped.")
         if self.errand is not ErrandName.QUICK_STOPPING:
+            self._activity.let_go()
             self._activity.give_way("a quick stop")
             stopping.begin_quick_stop(self._tools)
             if not self.node.takes_pdo_commands:

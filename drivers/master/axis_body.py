@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from drivers.bus.frame import Frame
 from drivers.cia301.objects import Address
@@ -13,7 +13,7 @@ from drivers.cia402.power import PowerState
 from drivers.devices.emergencies import Severity
 from drivers.errors import CanaxisError, MotionFailed, NodeAway
 from drivers.master import power, stopping
-from drivers.master.activity import Activity
+from drivers.master.activity import Activity, Guide, Work
 from drivers.master.axis_setup import AxisSetup, Found
 from drivers.master.axis_tools import AxisTools, CurrentConfig, DriveParameters
 from drivers.master.config import AxisConfig
@@ -21,11 +21,12 @@ from drivers.master.confirmation import contradiction
 from drivers.master.drive import Condition, Drive
 from drivers.master.emergencies import EmergencyRecord
 from drivers.master.errands import ErrandName
-from drivers.master.motion import Motion, Undertaking
+from drivers.master.motion import Undertaking
 from drivers.master.pdo_plan import AxisPdos
 from drivers.master.status import Adoption, AxisStatus, NodeState, Reference
 
 if TYPE_CHECKING:
+    from drivers.master.axis import Axis
     from drivers.master.node import Node
 
 FAULT_STATES = (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE)
@@ -83,8 +84,8 @@ class AxisBody:
         return self.status.adopted is not None
 
     @property
-    def motion(self) -> Motion | None:
-        """The motion that runs, if one does.
+    def motion(self) -> Undertaking | None:
+        """The motion that runs, if one does: the axis's own, or one in which it takes part.
 
         A turning that has its velocity is no running motion any more.
         """
@@ -113,9 +114,25 @@ class AxisBody:
         if self._activity.coming_to_rest:
             return
         self._activity.give_way("a stop")
-        stopping.begin(self._tools)
+        rest = self._activity.begin_rest()
         if self.node.takes_pdo_commands:
-            self._activity.begin(ErrandName.STOPPING, stopping.come_to_rest(self._tools))
+            self._activity.begin(ErrandName.STOPPING, rest())
+
+    def take_part(
+        self, undertaking: Undertaking, name: ErrandName, work: Work, guide: Guide | None = None
+    ) -> None:
+        """Begin this axis's part of what several do together; it must be ready for it, and idle."""
+        self._activity.take_part(undertaking, name, work, guide)
+
+    async def stands(self) -> None:
+        """Wait until the axis has come to rest, if that is what it is doing. Raises as `stop` does."""
+        if self._activity.coming_to_rest:
+            await self._activity.join_rest()
+
+    @property
+    def tools(self) -> AxisTools:
+        """What a part of something larger works with."""
+        return self._tools
 
     def route(self, add: Callable[[int, Callable[[Frame], None]], None]) -> None:
         """Have the status TPDOs brought here."""
@@ -236,7 +253,7 @@ class AxisBody:
 
     # --- inside ---
 
-    async def _confirm(self, motion: Motion, record: EmergencyRecord) -> None:
+    async def _confirm(self, motion: Undertaking, record: EmergencyRecord) -> None:
         try:
             wrong = await contradiction(self._tools)
         except CanaxisError as error:
@@ -261,12 +278,11 @@ class AxisBody:
         self._activity.cancel_motion(reason)
         if self.errand is not ErrandName.DISABLING:
             self._activity.give_way("a disable")
-            stopping.begin(self._tools)
-            self._activity.begin(ErrandName.DISABLING, self._disable())
+            self._activity.begin(ErrandName.DISABLING, self._disable(self._activity.begin_rest()))
 
-    async def _disable(self) -> None:
+    async def _disable(self, rest: Callable[[], Work]) -> None:
         if self._drive.energised:
-            await stopping.come_to_rest(self._tools)
+            await rest()
         await power.disable(self._tools)
 
     def _away(self, what: str) -> NodeAway:
@@ -283,7 +299,7 @@ class AxisBody:
 
     def _on_status(self, status: AxisStatus) -> None:
         if (motion := self.motion) is not None:
-            motion.evidence.see(motion.axis, status)
+            motion.evidence.see(cast("Axis", self), status)
         events = self.backbone.events
         if events.is_wanted("axis"):
             events.publish("axis", node=self.node.node_id, axis=self.number, data={"status": status})

@@ -4,11 +4,12 @@ reported.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+import asyncio
+from collections.abc import Callable, Collection, Coroutine
 
 from drivers.bus.base import Bus
 from drivers.bus.frame import Frame
-from drivers.errors import BusError
+from drivers.errors import BusError, CanaxisError
 from drivers.master.config import NetworkConfig
 from drivers.master.counters import NetworkCounters
 from drivers.master.events import EventHub
@@ -36,6 +37,27 @@ class Backbone:
         self.report_bug = on_bug
         self.sync = SyncProducer(self.send, self.withdraw)
         """The only sender of SYNCs."""
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    def spawn(self, work: Coroutine[object, object, None], name: str) -> None:
+        """Start what leads several axes; it ends with the network at the latest."""
+        task = asyncio.get_running_loop().create_task(work, name=name)
+        self._tasks.add(task)
+        task.add_done_callback(self._reap)
+
+    async def end_tasks(self) -> None:
+        """End what was started so, and wait until it is gone."""
+        tasks = tuple(self._tasks)
+        for task in tasks:
+            task.cancel()
+        if tasks:
+            await asyncio.wait(tasks)
+
+    def _reap(self, task: asyncio.Task[None]) -> None:
+        self._tasks.discard(task)
+        error = None if task.cancelled() else task.exception()
+        if error is not None and not isinstance(error, CanaxisError):
+            self.report_bug(error)
 
     def withdraw(self, cob_ids: Collection[int]) -> None:
         """Take back what waits in the transmit queue with these identifiers, and is superseded."""

@@ -262,6 +262,10 @@ class NetworkConfig:
     """1017h: period of each node's heartbeat."""
     allow_unverified_failsafe: bool = False
     """Let axes be enabled on a node whose 1029h could not be set, so that nothing stops it when we die."""
+    sender_process: bool = True
+    """Whether the set points of a trajectory come from a process of its own where the bus can be opened
+    twice; else from the event loop.
+    """
 
     def __post_init__(self) -> None:
         _require(1 <= self.master_node_id <= 127, "The master's node ID must be 1..127.")

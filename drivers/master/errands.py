@@ -23,6 +23,7 @@ class ErrandName(enum.StrEnum):
     HOMING = "homing"
     SETTING_POSITION = "having its position set"
     JOGGING = "being jogged"
+    FOLLOWING = "following a trajectory"
 
 
 COMING_TO_REST = frozenset({ErrandName.STOPPING, ErrandName.QUICK_STOPPING, ErrandName.DISABLING})

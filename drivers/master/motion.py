@@ -32,6 +32,7 @@ class MotionKind(enum.StrEnum):
     JOG = "jog"
     WAIT_INPUT = "wait_input"
     """Moves nothing, and holds no axis."""
+    TRAJECTORY = "trajectory"
 
 
 class MotionState(enum.StrEnum):

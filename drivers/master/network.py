@@ -110,6 +110,7 @@ class Network:
                 self._heartbeat.stop()
                 for node in self.nodes.values():
                     await node.close()
+                await self._backbone.end_tasks()
                 await self._backbone.bus.close()
                 self.events.close()
 

@@ -1,0 +1,268 @@
+"""Three axes on a path in csp, at 10 ms, on a virtual clock."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+import math
+from collections.abc import Callable
+
+import pytest
+from stack_kit import Stack, until
+
+from drivers.cia402.modes import Mode
+from drivers.cia402.power import PowerState
+from drivers.errors import AxisBusy, MotionFailed, NotReady
+from drivers.master import MoveRequest
+from drivers.master.axis import Axis
+from drivers.master.motion import MotionState
+from drivers.master.trajectory import Trajectory, TrajectoryRequest, begin_trajectory
+from drivers.master.trajectory_check import survey
+from drivers.master.trajectory_file import PointFile
+
+PERIOD = 0.01
+SECONDS = 2.0
+Way = Callable[[float], float]
+
+
+def wave(reach: float) -> Way:
+    """To and fro with rests at both ends: peak speed reach * pi / SECONDS."""
+    return lambda t: reach / 2 * (1 - math.cos(2 * math.pi * t / SECONDS))
+
+
+WAYS = (wave(20_000), wave(-8_000), wave(3_000))
+
+
+def points_of(*ways: Way, seconds: float = SECONDS, each: float = 0.05) -> PointFile:
+    points = PointFile(len(ways))
+    for number in range(round(seconds / each) + 1):
+        t = number * each
+        speeds = [(w(t + 1e-5) - w(t - 1e-5)) / 2e-5 for w in ways]
+        points.add(t, [w(t) for w in ways], speeds)
+    return points
+
+
+def follow(axes: tuple[Axis, ...], points: PointFile, period_ms: int = 10) -> Trajectory:
+    try:
+        found = survey(points.points(), period_ms / 1000, axes)
+        return begin_trajectory(TrajectoryRequest(axes, points, period_ms, found))
+    except BaseException:
+        points.close()
+        raise
+
+
+def motors(stack: Stack) -> list[float]:
+    now = asyncio.get_running_loop().time()
+    return [axis.motor.position(now) for axis in stack.modules[1].module.axes]
+
+
+@pytest.mark.looptime
+async def test_the_motors_follow_the_path_within_a_step_a_cycle_later(stack: Stack) -> None:
+    axes = await stack.enabled()
+    syncs: list[float] = []
+    worst = 0.0
+
+    def on_frame(_: str, frame: object) -> None:
+        nonlocal worst
+        if getattr(frame, "cob_id", None) == 0x080:
+            now = asyncio.get_running_loop().time()
+            if syncs:
+                time = (len(syncs) - 1) * PERIOD
+                if time <= SECONDS:
+                    wanted = [way(time) for way in WAYS]
+                    worst = max(worst, *(abs(a - b) for a, b in zip(motors(stack), wanted, strict=True)))
+            syncs.append(now)
+
+    stack.wire.tap(on_frame)
+    trajectory = follow(axes, points_of(*WAYS))
+    assert await trajectory.wait(30), "it ends"
+    assert trajectory.error is None
+    assert trajectory.state is MotionState.SUCCEEDED
+    # At each SYNC the motor is where the path was a cycle before: rounding, and the polynomial's own error.
+    assert worst <= 1.0
+    assert trajectory.result is not None
+    assert trajectory.result["cycles"] == 201 == len(syncs)
+    assert trajectory.result["under_runs"] == 0
+    gaps = [b - a for a, b in itertools.pairwise(syncs)]
+    assert max(gaps) - min(gaps) < 0.0005
+    assert all(axis.status.mode is Mode.NO_MODE for axis in axes)
+    assert all(axis.status.state is PowerState.OPERATION_ENABLED for axis in axes)
+    assert all(axis.errand is None and axis.motion is None for axis in axes)
+    move = axes[0].move_to(MoveRequest(target=500))
+    assert await move.wait(20)
+    assert move.state is MotionState.SUCCEEDED
+
+
+@pytest.mark.looptime
+async def test_a_stop_of_one_axis_brings_all_to_rest_on_the_path_within_their_decelerations(
+    stack: Stack,
+) -> None:
+    axes = await stack.enabled()
+    trajectory = follow(axes, points_of(*WAYS))
+    await until(lambda: trajectory.started is not None)
+    await asyncio.sleep(0.5)  # the fastest point
+    track: list[list[float]] = []
+    stack.wire.tap(lambda _, f: track.append(motors(stack)) if f.cob_id == 0x080 else None)
+    await axes[1].stop("a test")
+    assert trajectory.state is MotionState.CANCELLED
+    await asyncio.gather(*(axis.stands() for axis in axes))
+    for index, axis in enumerate(axes):
+        speeds = [(b[index] - a[index]) / PERIOD for a, b in itertools.pairwise(track)]
+        falls = [abs(b - a) / PERIOD for a, b in itertools.pairwise(speeds)]
+        assert max(falls) <= axis.config.deceleration + 3 / PERIOD**2  # what rounding to steps costs
+    # On the path: the axes are where one and the same time of the path has them.
+    end = motors(stack)
+    time = math.acos(1 - 2 * end[0] / 20_000) * SECONDS / (2 * math.pi)
+    assert [round(way(time)) for way in WAYS] == pytest.approx(end, abs=3)
+    assert 0.5 < time < 0.8
+    assert all(axis.status.mode is Mode.NO_MODE and not axis.status.moving for axis in axes)
+    assert all(axis.status.state is PowerState.OPERATION_ENABLED for axis in axes)
+
+
+@pytest.mark.looptime
+async def test_a_fault_of_one_axis_stops_all(stack: Stack) -> None:
+    axes = await stack.enabled()
+    trajectory = follow(axes, points_of(*WAYS))
+    await until(lambda: trajectory.started is not None)
+    await asyncio.sleep(0.4)
+    stack.modules[1].apply(lambda module, now: module.axes[2].short("a", now))
+    assert await trajectory.wait(10)
+    assert trajectory.state is MotionState.FAILED
+    await asyncio.gather(*(axis.stands() for axis in axes))
+    assert axes[2].status.state is PowerState.FAULT
+    for axis in axes[:2]:
+        assert axis.status.state is PowerState.OPERATION_ENABLED
+        assert not axis.status.moving
+
+
+@pytest.mark.looptime
+async def test_a_quick_stop_of_one_axis_silences_the_sender_and_halts_the_others(stack: Stack) -> None:
+    axes = await stack.enabled()
+    trajectory = follow(axes, points_of(*WAYS))
+    await until(lambda: trajectory.started is not None)
+    await asyncio.sleep(0.5)
+    syncs: list[float] = []
+    stack.wire.tap(lambda _, f: syncs.append(f.timestamp) if f.cob_id == 0x080 else None)
+    await axes[0].quick_stop()
+    assert trajectory.state is MotionState.CANCELLED
+    await asyncio.gather(*(axis.stands() for axis in axes))
+    assert axes[0].status.state is PowerState.SWITCH_ON_DISABLED
+    assert all(axis.status.state is PowerState.OPERATION_ENABLED for axis in axes[1:])
+    await until(lambda: not axes[0].backbone.sync.obstacles())
+    await asyncio.sleep(0.01)
+    assert len(syncs) == 1, "only the one that makes harmless what waited in the module"
+    places = motors(stack)
+    stack.axes[0].backbone.sync.send()
+    await asyncio.sleep(1)
+    assert motors(stack) == places
+    assert axes[0].status.state is PowerState.SWITCH_ON_DISABLED
+
+
+@pytest.mark.looptime
+async def test_rows_that_come_too_late_end_in_a_ramp_not_in_a_jerk(
+    stack: Stack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    axes = await stack.enabled()
+    ways = (lambda t: 2000 * t * t if t < 5 else 20_000 * t - 50_000,)
+    points = PointFile(1)
+    for number in range(101):
+        t = number / 10
+        points.add(t, [ways[0](t)], [4000 * t if t < 5 else 20_000])
+    points.add(12.0, [ways[0](10) + 20_000], [0])
+    trajectory = follow(axes[:1], points)
+    await until(lambda: trajectory.started is not None)
+    await asyncio.sleep(6)
+
+    async def nothing(rows: object, given: int) -> int:
+        return given
+
+    monkeypatch.setattr(trajectory, "_give", nothing)
+    track: list[list[float]] = []
+    stack.wire.tap(lambda _, f: track.append(motors(stack)) if f.cob_id == 0x080 else None)
+    assert await trajectory.wait(30)
+    assert trajectory.state is MotionState.FAILED
+    assert isinstance(trajectory.error, MotionFailed)
+    assert "under-run" in trajectory.error.message
+    assert trajectory.result is not None
+    assert trajectory.result["under_runs"] == 1
+    await axes[0].stands()
+    speeds = [(b[0] - a[0]) / PERIOD for a, b in itertools.pairwise(track)]
+    falls = [abs(b - a) / PERIOD for a, b in itertools.pairwise(speeds)]
+    assert speeds[0] == pytest.approx(20_000, rel=0.01)
+    assert max(falls) <= axes[0].config.deceleration + 3 / PERIOD**2
+
+
+@pytest.mark.looptime
+async def test_a_sender_that_is_gone_leaves_the_stop_to_the_drives(stack: Stack) -> None:
+    axes = await stack.enabled()
+    trajectory = follow(axes, points_of(*WAYS))
+    await until(lambda: trajectory.started is not None)
+    await asyncio.sleep(0.5)
+    trajectory._sender.cut()
+    assert await trajectory.wait(10)
+    assert trajectory.state is MotionState.FAILED
+    assert "sender" in str(trajectory.error)
+    await asyncio.gather(*(axis.stands() for axis in axes))
+    assert all(not a.status.moving and a.status.state is PowerState.OPERATION_ENABLED for a in axes)
+
+
+@pytest.mark.looptime
+async def test_a_bus_that_is_gone_ends_it_and_nothing_goes_on_when_it_is_back(stack: Stack) -> None:
+    axes = await stack.enabled()
+    trajectory = follow(axes, points_of(*WAYS))
+    await until(lambda: trajectory.started is not None)
+    await asyncio.sleep(0.3)
+    stack.port.unplug()
+    assert await trajectory.wait(10)
+    assert trajectory.state is MotionState.FAILED
+    await asyncio.sleep(2)
+    places = motors(stack)
+    stack.port.plug()
+    await stack.ready()
+    await asyncio.sleep(1)
+    assert motors(stack) == places
+    await until(lambda: not axes[0].backbone.sync.obstacles(), 60)
+
+
+@pytest.mark.looptime
+async def test_lost_set_points_and_syncs_are_made_good_by_the_next(stack: Stack) -> None:
+    axes = await stack.enabled()
+    trajectory = follow(axes, points_of(*WAYS))
+    await until(lambda: trajectory.started is not None)
+    await asyncio.sleep(0.3)
+    stack.wire.faults.drop(lambda frame: frame.cob_id == 0x080, 1)
+    await asyncio.sleep(0.3)
+    stack.wire.faults.drop(lambda frame: frame.cob_id == axes[0].pdos.synchronous.cob_id, 1)
+    assert await trajectory.wait(30)
+    assert trajectory.state is MotionState.SUCCEEDED
+    assert motors(stack) == pytest.approx([way(SECONDS) for way in WAYS], abs=1)
+
+
+@pytest.mark.looptime
+async def test_what_can_not_begin_sends_nothing(stack: Stack) -> None:
+    axes = await stack.enabled()
+    first = follow(axes[:2], points_of(*WAYS[:2]))
+    with pytest.raises(AxisBusy):
+        follow(axes[:1], points_of(WAYS[0]))
+    with pytest.raises(NotReady, match="SYNC"):
+        follow(axes[2:], points_of(WAYS[2]))
+    await first.cancel()
+    assert first.state is MotionState.CANCELLED
+    await until(lambda: not axes[0].backbone.sync.obstacles())
+    again = follow(axes[2:], points_of(WAYS[2]))
+    assert await again.wait(30)
+    assert again.state is MotionState.SUCCEEDED
+
+
+@pytest.mark.looptime
+async def test_a_stop_before_it_has_begun_leaves_every_axis_standing(stack: Stack) -> None:
+    axes = await stack.enabled()
+    for seconds in (0.0, 0.001, 0.01, 0.03):
+        trajectory = follow(axes, points_of(*WAYS))
+        await asyncio.sleep(seconds)
+        await stack.network.stop_all("a test")
+        assert trajectory.state is MotionState.CANCELLED
+        await until(lambda: not axes[0].backbone.sync.obstacles())
+        stack.network.reset_stop()
+        assert all(axis.status.mode is Mode.NO_MODE for axis in axes)
+        assert motors(stack) == [0, 0, 0]
