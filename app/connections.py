@@ -1,4 +1,4 @@
-"""HTTP/1.1 connections with bounds: uvicorn takes heads of any length, for any time, and any number.
+"""Connections and WebSockets with bounds: uvicorn takes heads of any length, for any time, and any number.
 
 No timer is set for a request, which would cost every one of them: the server looks at all connections once a
 second.
@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from app.settings import ServerSettings
 
@@ -18,6 +19,10 @@ MAX_HEAD = 32 * 1024
 """Bytes of request line and headers, plus what came with the first of them."""
 HUNG = 30.0
 """Seconds after which a client that takes no byte of its answer is let go."""
+MAX_MESSAGE = 4096
+"""Bytes of a message over a WebSocket; none needs more."""
+PING = 20.0
+"""Seconds between two pings over a WebSocket, and until one must be answered."""
 TOO_SLOW = b"HTTP/1.1 408 Request Timeout\r\nconnection: close\r\ncontent-length: 0\r\n\r\n"
 
 
@@ -100,6 +105,29 @@ class BoundedHttp(HttpToolsProtocol):
         victim.transport.close()
 
 
+class BoundedWebSocket(WebSocketsSansIOProtocol):
+    """A WebSocket whose client is let go when it takes nothing: a close would wait behind what it doesn't
+    take.
+    """
+
+    _stuck_since: float | None = None
+
+    def pause_writing(self) -> None:
+        """The client doesn't take what is sent."""
+        self._stuck_since = self.loop.time()
+        super().pause_writing()
+
+    def resume_writing(self) -> None:
+        """It does again."""
+        self._stuck_since = None
+        super().resume_writing()
+
+    def look(self, now: float) -> None:
+        """Hang up if the client is too slow."""
+        if self._stuck_since is not None and now - self._stuck_since > HUNG:
+            self.transport.abort()
+
+
 def bounded_http(server: ServerSettings) -> type[asyncio.Protocol]:
     """The protocol for the server, with the limits of the settings."""
     limits = Limits(connections=server.max_connections, head_timeout=server.request_timeout)
@@ -109,5 +137,5 @@ def bounded_http(server: ServerSettings) -> type[asyncio.Protocol]:
 def look_at(connections: Iterable[object], now: float) -> None:
     """Hang up on those clients that are too slow."""
     for connection in tuple(connections):
-        if isinstance(connection, BoundedHttp):
+        if isinstance(connection, BoundedHttp | BoundedWebSocket):
             connection.look(now)

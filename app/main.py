@@ -16,7 +16,20 @@ from app.errors import install_error_handlers
 from app.idempotency import IdempotencyMiddleware
 from app.keys import Keys
 from app.metrics import LatencyMiddleware
-from app.routes import axes, bus, events, health, moves, nodes, objects, operations, stop, terminals, tickets
+from app.routes import (
+    axes,
+    bus,
+    events,
+    health,
+    jog,
+    moves,
+    nodes,
+    objects,
+    operations,
+    stop,
+    terminals,
+    tickets,
+)
 from app.routing import attach
 from app.security import DOCS_ASSETS, Policy, SecurityMiddleware
 from app.service import LifespanState, Service
@@ -42,6 +55,7 @@ ROUTERS = (  # in the order in which paths are tried: what is asked most comes f
     objects.router,
     bus.router,
     events.router,
+    jog.router,
     tickets.router,
     health.router,
     health.api_root,

@@ -124,7 +124,7 @@ def _result(motion: Undertaking) -> dict[str, Any] | None:
     if len(motion.axes) != 1:
         return dict(motion.result)
     scale = Scale.of(motion.axes[0].config)
-    suffixes = {"position": "", "target": "", "velocity": "/s"}
+    suffixes = {"position": "", "travelled": "", "target": "", "velocity": "/s"}
     return {
         key: scale.quantity(value, suffixes[key]).model_dump()
         if key in suffixes and isinstance(value, int)

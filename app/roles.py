@@ -43,6 +43,7 @@ COMMANDS: tuple[tuple[str, str, Role], ...] = (
     ("POST", f"{_AXIS}/velocity", Role.MOVE),
     ("POST", f"{_AXIS}/home", Role.MOVE),
     ("POST", f"{_AXIS}/set-position", Role.MOVE),
+    (WEBSOCKET, f"{_AXIS}/jog", Role.MOVE),
     ("POST", f"{_AXIS}/enable", Role.MOVE),
     ("POST", f"{_AXIS}/disable", Role.MOVE),  # it takes the holding torque away
     ("POST", f"{_AXIS}/reset-fault", Role.MOVE),

@@ -13,7 +13,7 @@ from types import FrameType
 import uvicorn
 from fastapi import FastAPI
 
-from app.connections import bounded_http, look_at
+from app.connections import MAX_MESSAGE, PING, BoundedWebSocket, bounded_http, look_at
 from app.main import create_app
 from app.service import Service
 from app.settings import Settings, SettingsError
@@ -152,7 +152,11 @@ def _config(app: FastAPI, settings: Settings) -> uvicorn.Config:
     return uvicorn.Config(
         app,
         lifespan="on",
-        ws="none",
+        ws=BoundedWebSocket,
+        ws_max_size=MAX_MESSAGE,
+        ws_ping_interval=PING,
+        ws_ping_timeout=PING,
+        ws_per_message_deflate=False,
         log_config=None,
         access_log=False,
         server_header=False,

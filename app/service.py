@@ -13,6 +13,7 @@ import structlog
 
 from app import journal
 from app.audit import AuditTrail
+from app.jog.jogs import Jogs
 from app.keys import Keys
 from app.metrics import Metrics
 from app.operations import OperationRegister
@@ -55,6 +56,7 @@ class Service:
         self.meant = Meant()
         """Where moves were meant to end, so that rounding doesn't add up."""
         self.streams = Streams(self, settings.server.max_streams)
+        self.jogs = Jogs(self, settings.server.max_streams)
         self.metrics = Metrics(self)
         self.bus_problem: str | None = "The bus was not opened yet."
         """Why the network isn't open; None once it is."""
@@ -88,6 +90,7 @@ class Service:
         """End streams, let commands end, ramp the axes down, disable them, close the network."""
         self.closing = True
         self.streams.close()
+        self.jogs.close()
         try:
             background = [task for task in (self._opener, self._watcher) if task is not None]
             for task in background:
@@ -110,6 +113,7 @@ class Service:
         log.info("shutting down: all axes are told to stop")
         self.network.latch_stop("The service is shutting down.")
         self.streams.close()
+        self.jogs.close()
 
     def check_open(self) -> None:
         """Raises `ApiError` (503) once the service is shutting down: it takes no new command then."""

@@ -66,7 +66,12 @@ class ServerSettings(Section):
     )
     allowed_hosts: tuple[str, ...] = Field(default=(), description="Further values of the Host header.")
     allowed_origins: tuple[str, ...] = Field(default=(), description="Origins of web pages that may command.")
-    max_streams: int = Field(default=64, ge=1, description="Event streams open at once.")
+    max_streams: int = Field(
+        default=64, ge=1, description="Event streams open at once, and connections that jog."
+    )
+    jog_silence_ms: int = Field(
+        default=500, ge=200, le=2000, description="Without a hold for so long, a jogged axis is stopped."
+    )
     max_connections: int = Field(default=512, ge=8, description="TCP connections open at once.")
     requests_per_second: Positive | None = Field(
         default=5000.0, description="Of one client address, stops excepted; null: no limit."

@@ -12,7 +12,7 @@ import httpx
 import pytest
 from api_bench import Bench, EventClient, running
 
-from app.roles import COMMANDS, Role
+from app.roles import COMMANDS, WEBSOCKET, Role
 from app.settings import Settings
 from app.tokens import add_token
 from drivers.bus.frame import Frame
@@ -42,8 +42,9 @@ READ = [path for method, _, path in operations() if method == "GET"]
 
 def test_the_document_and_the_table_of_roles_name_the_same_commands() -> None:
     documented = {(method, template) for method, template, _ in operations() if method != "GET"}
-    assert documented == {(method, path) for method, path, _ in COMMANDS}, "new commands belong into COMMANDS"
-    for method, template, role in COMMANDS:
+    commands = [row for row in COMMANDS if row[0] != WEBSOCKET]  # for which OpenAPI has no words
+    assert documented == {(method, path) for method, path, _ in commands}, "new commands belong into COMMANDS"
+    for method, template, role in commands:
         assert DOCUMENT["paths"][template][method.lower()]["x-role"] == role.word
 
 

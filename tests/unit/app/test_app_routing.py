@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from starlette.routing import Route
+from starlette.routing import Route, WebSocketRoute
 
 from app.main import ROUTERS, create_app
 from app.roles import API
@@ -12,7 +12,7 @@ from app.settings import Settings
 def test_every_route_has_its_whole_path_before_the_first_request():
     """One that is included by FastAPI is made anew by the first request, which may be a stop."""
     routes = create_app(Settings()).router.routes
-    paths = [route.path for route in routes if isinstance(route, Route)]
+    paths = [route.path for route in routes if isinstance(route, Route | WebSocketRoute)]
     strangers = [route for route in routes if not isinstance(route, Route) and not hasattr(route, "path")]
     assert not strangers, "make its router an app.routing.Router, and put it into app.main.ROUTERS"
     assert f"{API}/nodes/{{node}}/axes/{{axis}}/stop" in paths
