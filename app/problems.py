@@ -100,6 +100,12 @@ _ROWS = (
     ),
     ("axis_busy", 409, "Axis busy", "Wait for the running operation, cancel it, or stop the axis."),
     (
+        "axis_queue_full",
+        503,
+        "Too much waits for the axis",
+        "Nothing was sent. Wait as Retry-After says, or cancel something that waits.",
+    ),
+    (
         "stop_latched",
         409,
         "Stop is latched",

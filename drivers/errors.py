@@ -9,6 +9,25 @@ import enum
 from dataclasses import dataclass
 
 
+class Remedy(enum.StrEnum):
+    """A command that takes an obstacle away, where one does; `app` knows how it is given."""
+
+    STOP = "stop"
+    """Of the axis."""
+    DISABLE = "disable"
+    """The axis."""
+    ENABLE = "enable"
+    """The axis."""
+    RESET_FAULT = "reset_fault"
+    """Of the axis."""
+    HOME = "home"
+    """The axis, as it is configured."""
+    RESET_STOP = "reset_stop"
+    """The latched stop for everything."""
+    BOOT = "boot"
+    """Take the node in anew."""
+
+
 @dataclass(frozen=True, slots=True)
 class Obstacle:
     """One thing that prevents a command now, and its remedy."""
@@ -19,6 +38,8 @@ class Obstacle:
     """What is the matter, as a sentence."""
     remedy: str
     """What to do about it, as a sentence."""
+    action: Remedy | None = None
+    """The command that does it; None: it takes waiting, or a person's hands."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,6 +285,25 @@ class AxisBusy(NotReady):
     """Another command holds the axis; a stop would end it."""
 
     code = "axis_busy"
+
+
+class LineFull(NotReady):
+    """As much waits for the axis as may; nothing was sent."""
+
+    code = "axis_queue_full"
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        obstacles: tuple[Obstacle, ...],
+        frees_in_s: float = 1.0,
+        node: int | None = None,
+        axis: int | None = None,
+    ) -> None:
+        super().__init__(message, obstacles=obstacles, node=node, axis=axis)
+        self.frees_in_s = frees_in_s
+        """When a place becomes free, as far as it can be told."""
 
 
 class StopLatched(NotReady):

@@ -9,9 +9,13 @@ from drivers.errors import AxisFault, CanaxisError, MotionFailed, NotReady, Obst
 from drivers.master import stopping
 from drivers.master.axis_tools import AxisTools
 from drivers.master.errands import COMING_TO_REST, Errand, ErrandName, Errands
+from drivers.master.evidence import Evidence
 from drivers.master.motion import Motion, MotionKind, Result, Undertaking
+from drivers.master.requests import VelocityRequest
+from drivers.master.waiting_line import Waiting, WaitingLine
 
 Work = Coroutine[object, object, None]
+MotionWork = Callable[[Motion], Coroutine[object, object, Result]]
 
 _EMERGENCY_WAIT = 0.1
 """How long the emergency that explains a FAULT may come after the statusword."""
@@ -51,6 +55,8 @@ class Activity:
         self.motion: Undertaking | None = None
         """The motion that runs, if one does: the axis's own, or one in which it takes part."""
         self._guide: Guide | None = None
+        self.line = WaitingLine()
+        """What is begun when that has succeeded."""
 
     @property
     def errand(self) -> ErrandName | None:
@@ -62,16 +68,38 @@ class Activity:
         """Whether what runs ends at standstill."""
         return self.errand in COMING_TO_REST
 
+    @property
+    def making_way(self) -> bool:
+        """Whether what runs ends at standstill so that the first in line can begin."""
+        return bool(self.line) and (self.motion is None or self.motion.done)
+
+    @property
+    def last(self) -> Motion | None:
+        """The motion of this axis alone that is begun last of all that was accepted; None: there is none."""
+        if self.line:
+            return self.line.motions[-1]
+        return self.motion if isinstance(self.motion, Motion) and not self.motion.done else None
+
     # --- beginning ---
 
     def begin(self, name: ErrandName, work: Work) -> None:
         """Start an errand; none may be running."""
         self._errands.begin(name, work)
 
-    def carry_out(self, motion: Motion, work: Callable[[Motion], Coroutine[object, object, Result]]) -> None:
+    def carry_out(self, motion: Motion, work: MotionWork) -> None:
         """Start the errand that a motion is; no errand may be running."""
         self.motion = motion
-        self._errands.begin(_ERRANDS[motion.kind], self._carry_out(motion, work))
+        self._errands.begin(_errand(motion), self._carry_out(motion, work))
+
+    def make_way(self, waiting: Waiting) -> None:
+        """Cancel what runs and what waits, send the halt, and begin the new one once the axis stands."""
+        coming_to_rest = self.making_way
+        self.cancel_motion("Another command replaced it.")
+        self.line.join(waiting)
+        if not coming_to_rest:
+            self.give_way("another command")
+            stopping.begin(self._tools)
+            self._errands.begin(ErrandName.STOPPING, self._make_way())
 
     def take_part(
         self, undertaking: Undertaking, name: ErrandName, work: Work, guide: Guide | None = None
@@ -105,16 +133,28 @@ class Activity:
     # --- ending ---
 
     def cancel_motion(self, reason: str) -> None:
-        """End the motion on purpose, if one runs; the errand that carries it out is not touched."""
+        """End the motion on purpose, if one runs, and all that waits; the errand that carries it out is not
+        touched.
+        """
         motion, self.motion = self.motion, None  # first: the end of what several do has the others stopped
         if motion is not None:
             motion.give_up(reason)
+        self.line.clear(reason)
 
     def fail_motion(self, error: CanaxisError) -> None:
-        """End the motion as failed, if one runs; the errand that carries it out is not touched."""
+        """End the motion as failed, if one runs, and cancel all that waits; the errand that carries it out is
+        not touched.
+        """
         motion, self.motion = self.motion, None
         if motion is not None:
             motion.fail(error)
+        self.line.clear(error.message)
+
+    def withdraw(self, motion: Motion, reason: str) -> bool:
+        """Cancel a motion that waits, and leave what runs alone. False if the axis must stop for that."""
+        if self.making_way and self.line.motions[0] is motion:
+            return False
+        return self.line.leave(motion, reason)
 
     def abandon(self, error: CanaxisError) -> None:
         """End the errand, if one runs; whoever waits for it gets `error`."""
@@ -154,27 +194,26 @@ class Activity:
 
     # --- a motion ---
 
-    async def _carry_out(
-        self, motion: Motion, work: Callable[[Motion], Coroutine[object, object, Result]]
-    ) -> None:
+    async def _carry_out(self, motion: Motion, work: MotionWork) -> None:
         """Drive a motion to its end; what fails is brought to rest before the axis is free again."""
         errand = self._errands.current
         assert errand is not None, "the errand begins before its task runs"
         try:
             result = await work(motion)
         except AxisFault as fault:
-            motion.fail(await self._explained(fault))
+            self._fail(motion, await self._explained(fault))
         except CanaxisError as error:
-            motion.fail(error)
+            self._fail(motion, error)
             await self._rest_after_failure(errand)
         except Exception as bug:
             name, where = self._tools.config.name, self._tools.where
-            motion.fail(MotionFailed(f"Axis {name}: the service failed: {bug!r}.", **where))
+            self._fail(motion, MotionFailed(f"Axis {name}: the service failed: {bug!r}.", **where))
             raise
         else:
             self._errands.release(errand)  # first: whoever waits for the end may command at once
             self._forget(motion)
             motion.succeed(result)
+            self._begin_next()
         finally:
             self._forget(motion)
 
@@ -203,6 +242,30 @@ class Activity:
         stopping.begin(self._tools)
         await stopping.come_to_rest(self._tools)
 
+    async def _make_way(self) -> None:
+        try:
+            await stopping.come_to_rest(self._tools)
+        except CanaxisError as error:
+            self.line.clear(error.message)
+            raise
+        self._errands.release(self._errands.current)
+        self._begin_next()
+
+    def _begin_next(self) -> None:
+        """Begin what is first in line, if the axis is free; what may not begin takes the others along."""
+        if self._errands.current is not None or (waiting := self.line.next()) is None:
+            return
+        motion = waiting.motion
+        motion.evidence = Evidence(motion.axes)  # it is about what happens from here
+        try:
+            waiting.begin()
+        except CanaxisError as error:
+            self._fail(motion, error)
+
+    def _fail(self, motion: Motion, error: CanaxisError) -> None:
+        motion.fail(error)
+        self.line.clear(f"The operation before it failed: {error.message}")
+
     def _forget(self, motion: Undertaking) -> None:
         if self.motion is motion:
             self.motion = None
@@ -220,3 +283,10 @@ class Activity:
         if self._tools.drive.energised:
             stopping.begin(self._tools)
             await stopping.come_to_rest(self._tools)
+
+
+def _errand(motion: Motion) -> ErrandName:
+    request = motion.request
+    if isinstance(request, VelocityRequest) and request.travel is not None:
+        return ErrandName.MOVING  # in profile position mode: no other velocity can take over from it
+    return _ERRANDS[motion.kind]

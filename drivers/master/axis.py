@@ -10,19 +10,23 @@ from collections.abc import Callable, Coroutine
 
 from drivers.errors import BadValue, CanaxisError, Obstacle
 from drivers.master import jogging, position_setting, positioning, power, referencing, speed, stopping
+from drivers.master.admission import Admission, admit
 from drivers.master.axis_body import FAULT_STATES, AxisBody
 from drivers.master.errands import ErrandName
 from drivers.master.jogging import Jog
 from drivers.master.motion import Motion, MotionKind, Result
+from drivers.master.outlook import Preview, expected, look_ahead, starting_point
 from drivers.master.readiness import AxisCommand, obstacles, refusal
 from drivers.master.requests import (
     HomeRequest,
     JogRequest,
     MoveRequest,
+    OnBusy,
     Request,
     SetPositionRequest,
     VelocityRequest,
 )
+from drivers.master.waiting_line import Waiting
 
 
 class Axis(AxisBody):
@@ -110,62 +114,53 @@ class Axis(AxisBody):
 
     # --- motions ---
 
-    def move_to(self, request: MoveRequest, *, undertaking_id: str | None = None) -> Motion:
-        """Begin a move in profile position mode.
+    @property
+    def queued(self) -> tuple[Motion, ...]:
+        """The motions that wait for their turn, the next first."""
+        return self._activity.line.motions
 
-        Raises, before a frame is sent, `BadValue`, `NotReady`, `AxisBusy`, `StopLatched` or `NodeAway`.
+    def move_to(
+        self,
+        request: MoveRequest,
+        *,
+        on_busy: OnBusy = OnBusy.REJECT,
+        undertaking_id: str | None = None,
+    ) -> Motion:
+        """Begin a move in profile position mode, or have it wait or replace what runs, as `on_busy` says.
+
+        Raises, before a frame is sent, `BadValue`, `NotReady`, `AxisBusy`, `LineFull`, `StopLatched` or
+        `NodeAway`.
         """
-        self.config.check_rates(
-            velocity=request.velocity, acceleration=request.acceleration, deceleration=request.deceleration
-        )
-        position = self.status.position or 0
-        positioning.check_target(
-            self._tools, position + request.target if request.relative else request.target
-        )
-        self._require(AxisCommand.MOVE, absolute=not request.relative)
-        return self._start(
-            MotionKind.MOVE,
-            request,
-            lambda motion: positioning.move(self._tools, request, motion),
-            undertaking_id,
-        )
+        self._check(request)
+        self._check_way(request, on_busy)
+        return self._undertake(MotionKind.MOVE, request, on_busy, undertaking_id)
 
-    def run_at(self, request: VelocityRequest, *, undertaking_id: str | None = None) -> Motion:
-        """Begin to turn at a velocity; replaces a velocity that is being reached.
+    def run_at(
+        self,
+        request: VelocityRequest,
+        *,
+        on_busy: OnBusy = OnBusy.REJECT,
+        undertaking_id: str | None = None,
+    ) -> Motion:
+        """Begin to turn at a velocity. One velocity without an end replaces another, whatever `on_busy` says.
 
         Raises as `move_to` does.
         """
-        self.config.check_rates(velocity=abs(request.velocity), acceleration=request.acceleration)
-        self._require(AxisCommand.VELOCITY)
-        if self.errand is ErrandName.TURNING:
-            self._activity.cancel_motion("Another velocity replaced it.")
-            self._activity.give_way("another velocity")
-        return self._start(
-            MotionKind.VELOCITY,
-            request,
-            lambda motion: speed.run(self._tools, request, motion),
-            undertaking_id,
-        )
+        self._check(request)
+        if (move := request.as_move) is not None:
+            self._check_way(move, on_busy)
+        return self._undertake(MotionKind.VELOCITY, request, on_busy, undertaking_id)
 
-    def home(self, request: HomeRequest, *, undertaking_id: str | None = None) -> Motion:
+    def home(
+        self,
+        request: HomeRequest,
+        *,
+        on_busy: OnBusy = OnBusy.REJECT,
+        undertaking_id: str | None = None,
+    ) -> Motion:
         """Begin a homing. Raises as `move_to` does."""
-        method = self.config.homing_method if request.method is None else request.method
-        known = self.node.profile.homing_methods
-        if method not in known or method == 0:
-            raise BadValue(
-                f"Axis {self.name} has no homing method {method}.",
-                hint=f"Choose one of {', '.join(str(m) for m in sorted(known) if m)}.",
-                **self._tools.where,
-            )
-        for velocity in (request.fast, request.slow):
-            self.config.check_rates(velocity=velocity, acceleration=request.acceleration)
-        self._require(AxisCommand.HOME, method=method)
-        return self._start(
-            MotionKind.HOME,
-            request,
-            lambda motion: referencing.home(self._tools, request, motion),
-            undertaking_id,
-        )
+        self._check(request)
+        return self._undertake(MotionKind.HOME, request, on_busy, undertaking_id)
 
     def jog(self, request: JogRequest, *, held_at: float, undertaking_id: str | None = None) -> Jog:
         """Begin to turn for as long as `Jog.hold` is called; `held_at`: loop time of the first hold.
@@ -187,12 +182,19 @@ class Axis(AxisBody):
         """
         self._require(AxisCommand.SET_POSITION)
         position_setting.check(self._tools, request)
-        return self._start(
-            MotionKind.SET_POSITION,
-            request,
-            lambda motion: position_setting.set_position(self._tools, request, motion),
-            undertaking_id,
-        )
+        return self._undertake(MotionKind.SET_POSITION, request, OnBusy.REJECT, undertaking_id)
+
+    def preview(self, request: Request, on_busy: OnBusy = OnBusy.REJECT) -> Preview:
+        """What a command would come to, and what prevents it now, also of a disabled axis. Nothing is sent.
+
+        Raises `BadValue` for a rate or a homing method that no state of the axis makes right.
+        """
+        self._check(request)
+        return look_ahead(self, self._tools, request, on_busy)
+
+    def withdraw(self, motion: Motion, reason: str) -> bool:
+        """Cancel a motion that waits, with what waits behind it; False if the axis must stop for that."""
+        return self._activity.withdraw(motion, reason)
 
     # --- inside ---
 
@@ -217,14 +219,78 @@ class Axis(AxisBody):
             self._drive.note_adoption(None)
         await power.enable(self._tools)
 
-    def _start(
-        self,
-        kind: MotionKind,
-        request: Request,
-        work: Callable[[Motion], Coroutine[object, object, Result]],
-        undertaking_id: str | None,
+    def _check_way(self, request: MoveRequest, on_busy: OnBusy) -> None:
+        """Raise `BadValue` for a target out of reach. Where a relative one begins may not be known before it
+        does: then it is checked there.
+        """
+        if not request.relative:
+            positioning.check_target(self._tools, request.target)
+        elif (start := starting_point(self, on_busy)) is not None:
+            positioning.check_target(self._tools, start + request.target)
+
+    def _check(self, request: Request) -> None:
+        """Raise `BadValue` for rates that the axis may not have, and a method that the module doesn't."""
+        match request:
+            case MoveRequest():
+                self.config.check_rates(
+                    velocity=request.velocity,
+                    acceleration=request.acceleration,
+                    deceleration=request.deceleration,
+                )
+            case VelocityRequest():
+                self.config.check_rates(velocity=abs(request.velocity), acceleration=request.acceleration)
+            case HomeRequest():
+                for velocity in (request.fast, request.slow):
+                    self.config.check_rates(velocity=velocity, acceleration=request.acceleration)
+                self._check_method(request)
+            case _:
+                pass
+
+    def _check_method(self, request: HomeRequest) -> None:
+        method = self.config.homing_method if request.method is None else request.method
+        known = self.node.profile.homing_methods
+        if method not in known or method == 0:
+            raise BadValue(
+                f"Axis {self.name} has no homing method {method}.",
+                hint=f"Choose one of {', '.join(str(m) for m in sorted(known) if m)}.",
+                **self._tools.where,
+            )
+
+    def _undertake(
+        self, kind: MotionKind, request: Request, on_busy: OnBusy, undertaking_id: str | None
     ) -> Motion:
+        admission = admit(self, request, on_busy)
         motion = Motion(kind, self, request, self._on_motion, undertaking_id)
+        motion.prediction = expected(self, self._tools, request, admission)
         self._on_motion(motion)
-        self._activity.carry_out(motion, work)
+        match admission:
+            case Admission.QUEUE:
+                self._activity.line.join(Waiting(motion, lambda: self._begin(motion)))
+            case Admission.REPLACE:
+                self._activity.make_way(Waiting(motion, lambda: self._begin(motion)))
+            case Admission.TAKE_OVER:
+                self._activity.cancel_motion("Another velocity replaced it.")
+                self._activity.give_way("another velocity")
+                self._activity.carry_out(motion, self._work)
+            case Admission.AT_ONCE:
+                self._activity.carry_out(motion, self._work)
         return motion
+
+    def _begin(self, motion: Motion) -> None:
+        """The turn of a motion that waited has come: whether it may be given is asked anew."""
+        admit(self, motion.request, OnBusy.REJECT)
+        self._activity.carry_out(motion, self._work)
+
+    async def _work(self, motion: Motion) -> Result:
+        tools = self._tools
+        match motion.request:
+            case MoveRequest() as move:
+                return await positioning.move(tools, move, motion)
+            case VelocityRequest() as velocity:
+                return await speed.run(tools, velocity, motion)
+            case HomeRequest() as home:
+                return await referencing.home(tools, home, motion)
+            case SetPositionRequest() as position:
+                return await position_setting.set_position(tools, position, motion)
+            case JogRequest():
+                raise AssertionError("a jog is carried out by those who hold it")

@@ -21,7 +21,7 @@ from drivers.master.confirmation import contradiction
 from drivers.master.drive import Condition, Drive
 from drivers.master.emergencies import EmergencyRecord
 from drivers.master.errands import ErrandName
-from drivers.master.motion import Undertaking
+from drivers.master.motion import Motion, Undertaking
 from drivers.master.pdo_plan import AxisPdos
 from drivers.master.status import Adoption, AxisStatus, NodeState, Reference
 
@@ -90,6 +90,16 @@ class AxisBody:
         A turning that has its velocity is no running motion any more.
         """
         return self._activity.motion
+
+    @property
+    def last(self) -> Motion | None:
+        """The motion of this axis alone that is begun last of all that was accepted; None: there is none."""
+        return self._activity.last
+
+    @property
+    def making_way(self) -> bool:
+        """Whether it comes to rest because another command replaced what ran."""
+        return self._activity.making_way
 
     @property
     def errand(self) -> ErrandName | None:

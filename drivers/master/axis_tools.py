@@ -9,6 +9,7 @@ from drivers.cia301.objects import Address
 from drivers.cia402.modes import Mode
 from drivers.cia402.power import Controlword, PowerState
 from drivers.errors import AxisFault, ConfigurationRefused, MotionFailed, TransitionTimeout
+from drivers.master.boot_log import Change
 from drivers.master.config import AxisConfig
 from drivers.master.drive import Drive
 from drivers.master.object_access import ObjectAccess
@@ -69,6 +70,17 @@ class DriveParameters:
                     sub=sub,
                 )
             self._owed.pop((index, sub), None)
+
+    def changes(self, values: Mapping[Parameter, int]) -> tuple[Change, ...]:
+        """What `require` would write now."""
+        found: list[Change] = []
+        for (index, sub), value in values.items():
+            address = self._objects.address(index, sub, self._axis)
+            old = self._held.get(address)
+            if old != value:
+                spec = self._objects.spec(address)
+                found.append(Change(address, spec.name, self._axis, old, value, spec.unit))
+        return tuple(found)
 
     def held(self, index: int, sub: int, otherwise: int) -> int:
         """What the module is known to hold; `otherwise` where that is unknown."""

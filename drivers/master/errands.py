@@ -28,6 +28,16 @@ class ErrandName(enum.StrEnum):
 
 COMING_TO_REST = frozenset({ErrandName.STOPPING, ErrandName.QUICK_STOPPING, ErrandName.DISABLING})
 """Errands that end at standstill and that a stop therefore joins."""
+MOTIONS = frozenset(
+    {
+        ErrandName.MOVING,
+        ErrandName.TURNING,
+        ErrandName.HOMING,
+        ErrandName.SETTING_POSITION,
+        ErrandName.JOGGING,
+    }
+)
+"""Errands that carry out a motion."""
 
 
 @dataclass(slots=True, eq=False)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from drivers.errors import CanaxisError
 from drivers.master.evidence import Evidence
+from drivers.master.prediction import Prediction
 
 if TYPE_CHECKING:
     from drivers.master.axis import Axis
@@ -39,7 +40,7 @@ class MotionState(enum.StrEnum):
     """How far a motion is; the last three are ends and never change again."""
 
     QUEUED = "queued"
-    """Accepted; parameters are being written."""
+    """Accepted: it waits for what comes before it, or parameters are being written."""
     RUNNING = "running"
     """The drive was told to begin."""
     SUCCEEDED = "succeeded"
@@ -94,6 +95,8 @@ class Undertaking(ABC):
         self.state = MotionState.QUEUED
         self.progress: float | None = None
         """0..1, or None where it can't be known."""
+        self.prediction: Prediction | None = None
+        """What it should come to, without what it has to wait for; None while that can't be known."""
         self.result: Result | None = None
         """What it came to, if it succeeded."""
         self.error: CanaxisError | None = None
@@ -191,5 +194,6 @@ class Motion(Undertaking):
 
     async def cancel(self) -> None:
         """See `Undertaking.cancel`."""
-        if not self.done:
-            await self.axis.stop("It was cancelled on request.")
+        reason = "It was cancelled on request."
+        if not self.done and not self.axis.withdraw(self, reason):
+            await self.axis.stop(reason)

@@ -10,7 +10,8 @@ from drivers.cia402.modes import Mode
 from drivers.cia402.power import Controlword, Statusword
 from drivers.cia402.setpoint import Evidence, SetPointHandshake, SetPointStep
 from drivers.errors import BadValue, BusError, MotionFailed, MotionTimeout
-from drivers.master.axis_tools import AxisTools
+from drivers.master.axis_tools import AxisTools, Parameter
+from drivers.master.config import AxisConfig
 from drivers.master.motion import Motion, Result
 from drivers.master.prediction import predict_move
 from drivers.master.requests import MoveRequest
@@ -29,6 +30,15 @@ def check_target(tools: AxisTools, target: int, what: str = "target") -> None:
         )
 
 
+def parameters(config: AxisConfig, request: MoveRequest) -> dict[Parameter, int]:
+    """What the module must hold for a move."""
+    return {
+        (objects.PROFILE_VELOCITY, 0): request.velocity or config.velocity,
+        (objects.PROFILE_ACCELERATION, 0): request.acceleration or config.acceleration,
+        (objects.PROFILE_DECELERATION, 0): request.deceleration or config.deceleration,
+    }
+
+
 async def move(tools: AxisTools, request: MoveRequest, motion: Motion) -> Result:
     """Carry out a move; returns at standstill on the target.
 
@@ -37,16 +47,7 @@ async def move(tools: AxisTools, request: MoveRequest, motion: Motion) -> Result
     rotation, and an absolute set point can't move twice if it should arrive twice.
     """
     config, drive, timing = tools.config, tools.drive, tools.timing
-    velocity = request.velocity or config.velocity
-    acceleration = request.acceleration or config.acceleration
-    deceleration = request.deceleration or config.deceleration
-    await tools.parameters.require(
-        {
-            (objects.PROFILE_VELOCITY, 0): velocity,
-            (objects.PROFILE_ACCELERATION, 0): acceleration,
-            (objects.PROFILE_DECELERATION, 0): deceleration,
-        }
-    )
+    await tools.parameters.require(parameters(config, request))
     demand = tools.objects.address(objects.POSITION_DEMAND, 0, tools.number)
     start = await tools.objects.read_int(demand, priority=Priority.CONTROL)
     target = start + request.target if request.relative else request.target
@@ -59,10 +60,11 @@ async def move(tools: AxisTools, request: MoveRequest, motion: Motion) -> Result
         config,
         start,
         target,
-        velocity=velocity,
-        acceleration=acceleration,
-        deceleration=deceleration,
+        velocity=request.velocity,
+        acceleration=request.acceleration,
+        deceleration=request.deceleration,
     )
+    motion.prediction = expected
     bound = expected.duration_s * timing.motion_factor
     arrival = _Arrival(tools, motion, start, target)
     try:

@@ -6,11 +6,21 @@ import enum
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from drivers.cia402.modes import Mode
 from drivers.cia402.power import PowerState
-from drivers.errors import AxisBusy, BusDown, CanaxisError, NodeAway, NotReady, Obstacle, StopLatched
-from drivers.master.errands import COMING_TO_REST, ErrandName
+from drivers.errors import (
+    AxisBusy,
+    BusDown,
+    CanaxisError,
+    NodeAway,
+    NotReady,
+    Obstacle,
+    Remedy,
+    StopLatched,
+)
+from drivers.master.errands import COMING_TO_REST, MOTIONS, ErrandName
+from drivers.master.motion import Motion
 from drivers.master.referencing import needs_enabled
+from drivers.master.requests import VelocityRequest
 from drivers.master.status import SWITCHED_OFF, Adoption, Failsafe, NodeState
 
 if TYPE_CHECKING:
@@ -67,27 +77,43 @@ _REMEDIES = {
 
 
 def obstacles(
-    axis: Axis, command: AxisCommand, *, absolute: bool = True, method: int | None = None
+    axis: Axis,
+    command: AxisCommand,
+    *,
+    absolute: bool = True,
+    method: int | None = None,
+    from_rest: bool | None = None,
 ) -> tuple[Obstacle, ...]:
-    """Everything that prevents `command` now; empty: it may be given.
+    """Everything that prevents `command` now, in the order in which it is best taken away; empty: it may be
+    given.
 
-    `absolute` matters for a move, `method` (None: the configured one) for a homing. A stop is never
-    prevented.
+    `absolute` matters for a move, `method` (None: the configured one) for a homing; `from_rest` is whether
+    the axis must stand first (None: as such commands do). A stop is never prevented.
     """
     if command in (AxisCommand.STOP, AxisCommand.QUICK_STOP):
         return ()
+    if from_rest is None:
+        from_rest = command is not AxisCommand.VELOCITY and (
+            command.is_motion or command is AxisCommand.SETTINGS
+        )
     found = [*_reach(axis)]
-    if command is AxisCommand.ENABLE or command.is_motion:
-        found += [*_permission(axis), *_settled(axis), *_drive(axis, command, method)]
+    energises = command is AxisCommand.ENABLE or command.is_motion
+    if energises:
+        found += [*_permission(axis), *_settled(axis), *_fault(axis)]
+    found += _busy(axis, command, from_rest)
+    if command is AxisCommand.SETTINGS and axis.status.adopted is not None:
+        found.append(_adopted(axis.status.adopted))
+    if command.is_motion:
+        found += _power(axis, command, method)
     if command is AxisCommand.MOVE and absolute and axis.config.require_homing and not axis.status.referenced:
         found.append(
             Obstacle(
-                "not_referenced", "The axis was not homed since the module's last reset.", "Home the axis."
+                "not_referenced",
+                "The axis was not homed since the module's last reset.",
+                "Home the axis.",
+                Remedy.HOME,
             )
         )
-    if command is AxisCommand.SETTINGS and axis.status.adopted is not None:
-        found.append(_adopted(axis.status.adopted))
-    found += _busy(axis, command)
     return tuple(found)
 
 
@@ -106,7 +132,7 @@ def refusal(axis: Axis, command: AxisCommand, found: tuple[Obstacle, ...]) -> Ca
         return NodeAway(message, hint=remedies, node=node, axis=number)
     if "stop_latched" in codes:
         return StopLatched(message, obstacles=found, node=node, axis=number)
-    if codes <= {"busy", "turning"}:
+    if codes <= {"busy", "turning", "endless"}:
         return AxisBusy(message, obstacles=found, node=node, axis=number)
     return NotReady(message, obstacles=found, node=node, axis=number)
 
@@ -168,6 +194,7 @@ def _permission(axis: Axis) -> Iterator[Obstacle]:
             "stop_latched",
             f"A stop for everything is latched: {latch.reason}",
             "Reset it on purpose with POST /api/v1/stop/reset.",
+            Remedy.RESET_STOP,
         )
     if axis.backbone.heartbeat_paused:
         yield Obstacle(
@@ -190,22 +217,60 @@ def _settled(axis: Axis) -> Iterator[Obstacle]:
             "settings_unsettled",
             axis.unsettled,
             f"Take the node in anew: POST /api/v1/nodes/{axis.node.node_id}/boot, with its axes disabled.",
+            Remedy.BOOT,
         )
 
 
-def _drive(axis: Axis, command: AxisCommand, method: int | None) -> Iterator[Obstacle]:
+def _fault(axis: Axis) -> Iterator[Obstacle]:
     status = axis.status
     if status.state in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE):
         causes = "; ".join(e.title for e in status.emergencies)
         yield Obstacle(
             "fault",
             f"The drive is in {status.state}{': ' + causes if causes else ''}.",
-            "Remove the cause, reset the fault, then enable the axis.",
+            "Remove the cause, then reset the fault.",
+            Remedy.RESET_FAULT,
         )
-    elif command is AxisCommand.ENABLE:
-        if axis.adopted and status.moving:
-            yield Obstacle("moving", "The axis turns since before this service started.", "Stop it first.")
-    elif status.adopted is not None:
+
+
+def _busy(axis: Axis, command: AxisCommand, from_rest: bool) -> Iterator[Obstacle]:
+    errand = axis.errand
+    takes_over = (
+        command is AxisCommand.VELOCITY
+        and not from_rest
+        and errand is ErrandName.TURNING
+        and isinstance(axis.motion, Motion)
+        and isinstance(axis.motion.request, VelocityRequest)
+        and axis.motion.request.plain
+        and not axis.queued
+    )
+    # A fault reset energises nothing, so it may wait for a stop; an enable behind a stop would undo it.
+    joins = (command is AxisCommand.ENABLE and errand is ErrandName.ENABLING) or (
+        command is AxisCommand.RESET_FAULT and (errand is ErrandName.RESETTING or errand in COMING_TO_REST)
+    )
+    if errand is not None and command is not AxisCommand.DISABLE and not takes_over and not joins:
+        ends = errand in (*MOTIONS, ErrandName.FOLLOWING)
+        yield Obstacle(
+            "busy",
+            f"The axis is {errand}.",
+            "Wait until it has ended, or stop the axis." if ends else "Wait until it has ended.",
+            Remedy.STOP if ends else None,
+        )
+    if axis.configuring and command is not AxisCommand.DISABLE:
+        yield Obstacle("busy", "The axis's settings are being changed.", "Wait a moment, then try again.")
+    if errand is not None or not axis.status.moving:
+        return
+    if command is AxisCommand.ENABLE and axis.adopted:
+        yield Obstacle(
+            "moving", "The axis turns since before this service started.", "Stop it first.", Remedy.STOP
+        )
+    elif from_rest or (command.is_motion and axis.adopted):
+        yield Obstacle("turning", "The axis is turning.", "Stop the axis first.", Remedy.STOP)
+
+
+def _power(axis: Axis, command: AxisCommand, method: int | None) -> Iterator[Obstacle]:
+    status = axis.status
+    if status.adopted is not None:
         yield _adopted(status.adopted)
     elif status.state is not PowerState.OPERATION_ENABLED:
         chosen = axis.config.homing_method if method is None else method
@@ -214,29 +279,14 @@ def _drive(axis: Axis, command: AxisCommand, method: int | None) -> Iterator[Obs
         )
         if not powerless:
             yield Obstacle(
-                "not_enabled", f"The axis is {status.state or 'in no known state'}.", "Enable the axis."
+                "not_enabled",
+                f"The axis is {status.state or 'in no known state'}.",
+                "Enable the axis.",
+                Remedy.ENABLE,
             )
 
 
 def _adopted(adoption: Adoption) -> Obstacle:
-    return Obstacle("adopted", adoption.reason, "Stop the axis, then enable it: that claims it.")
-
-
-def _busy(axis: Axis, command: AxisCommand) -> Iterator[Obstacle]:
-    errand = axis.errand
-    replaces = command is AxisCommand.VELOCITY and errand is ErrandName.TURNING
-    # A fault reset energises nothing, so it may wait for a stop; an enable behind a stop would undo it.
-    joins = (command is AxisCommand.ENABLE and errand is ErrandName.ENABLING) or (
-        command is AxisCommand.RESET_FAULT and (errand is ErrandName.RESETTING or errand in COMING_TO_REST)
+    return Obstacle(
+        "adopted", adoption.reason, "Stop the axis, then enable it: that claims it.", Remedy.ENABLE
     )
-    if errand is not None and command is not AxisCommand.DISABLE and not replaces and not joins:
-        yield Obstacle("busy", f"The axis is {errand}.", "Wait until it has ended, or stop the axis.")
-    turning = axis.status.moving and axis.status.mode is Mode.PROFILE_VELOCITY
-    if axis.configuring and command is not AxisCommand.DISABLE:
-        yield Obstacle("busy", "The axis's settings are being changed.", "Wait a moment, then try again.")
-    standing = (
-        *(AxisCommand.MOVE, AxisCommand.HOME, AxisCommand.SET_POSITION),
-        *(AxisCommand.JOG, AxisCommand.SETTINGS),
-    )
-    if command in standing and errand is None and (turning or axis.status.moving):
-        yield Obstacle("turning", "The axis is turning.", "Stop the axis first.")

@@ -10,8 +10,10 @@ from drivers.cia402.homing import HOMING_METHODS, HomingHandshake, HomingOutcome
 from drivers.cia402.modes import Mode
 from drivers.cia402.power import Controlword, PowerState
 from drivers.errors import BusError, MotionFailed, MotionTimeout
-from drivers.master.axis_tools import AxisTools
+from drivers.master.axis_tools import AxisTools, Parameter
+from drivers.master.config import AxisConfig
 from drivers.master.motion import Motion, Result
+from drivers.master.prediction import predict_home
 from drivers.master.requests import HomeRequest
 from drivers.master.status import AxisStatus, Reference
 
@@ -25,19 +27,25 @@ def needs_enabled(method: int) -> bool:
     return known is None or known.moves
 
 
+def parameters(config: AxisConfig, request: HomeRequest) -> dict[Parameter, int]:
+    """What the module must hold for a homing."""
+    return {
+        (objects.HOMING_METHOD, 0): config.homing_method if request.method is None else request.method,
+        (objects.HOMING_SPEEDS, 1): request.fast or config.homing_fast,
+        (objects.HOMING_SPEEDS, 2): request.slow or config.homing_slow,
+        (objects.HOMING_ACCELERATION, 0): request.acceleration or config.homing_acceleration,
+    }
+
+
 async def home(tools: AxisTools, request: HomeRequest, motion: Motion) -> Result:
     """Carry out a homing; sets `referenced` when it was attained."""
     config, drive = tools.config, tools.drive
     method = config.homing_method if request.method is None else request.method
-    await tools.parameters.require(
-        {
-            (objects.HOMING_METHOD, 0): method,
-            (objects.HOMING_SPEEDS, 1): request.fast or config.homing_fast,
-            (objects.HOMING_SPEEDS, 2): request.slow or config.homing_slow,
-            (objects.HOMING_ACCELERATION, 0): request.acceleration or config.homing_acceleration,
-        }
-    )
-    await attain(tools, method, motion, timeout_s=request.timeout_s)
+    moves = needs_enabled(method)
+    await tools.parameters.require(parameters(config, request))
+    motion.prediction = longest = predict_home(config, request, drive.status.position)
+    bound = longest.duration_s * tools.timing.motion_factor + tools.timing.motion_margin
+    await attain(tools, method, motion, timeout_s=request.timeout_s or (bound if moves else None))
     drive.note_reference(Reference.HOMED)
     await drive.fresh_status()  # the position of before the jump to zero may still be shown
     return {"position": drive.status.position or 0, "method": method}
@@ -45,6 +53,8 @@ async def home(tools: AxisTools, request: HomeRequest, motion: Motion) -> Result
 
 async def attain(tools: AxisTools, method: int, motion: Motion, *, timeout_s: float | None = None) -> None:
     """Run the homing whose parameters the module holds; returns when home is attained.
+
+    `timeout_s`: how long it may take; None: as long as one that moves nothing may.
 
     The reference counts as lost from the start on: whoever calls says when it holds. Raises `MotionTimeout`,
     `MotionFailed`, `AxisFault`.
@@ -74,7 +84,7 @@ async def attain(tools: AxisTools, method: int, motion: Motion, *, timeout_s: fl
         drive.note_reference(Reference.LOST)
     try:
         drive.command(controlword, Mode.HOMING)
-        await drive.until(over, timeout_s or (timing.homing if moves else _AT_ONCE * timing.handshake))
+        await drive.until(over, timeout_s or _AT_ONCE * timing.handshake)
     finally:
         if drive.controlword is not None and drive.controlword & Controlword.START_HOMING:
             with contextlib.suppress(BusError):  # a bus that is gone must not hide why the homing ended

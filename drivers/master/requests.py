@@ -2,10 +2,25 @@
 
 from __future__ import annotations
 
+import enum
 from dataclasses import dataclass
 
 from drivers.errors import BadValue
 from drivers.master.config import HIGHEST_RATE, INT32_MAX, INT32_MIN
+
+LONGEST_TURNING = 86_400.0
+"""Seconds that a velocity may be asked for."""
+
+
+class OnBusy(enum.StrEnum):
+    """What becomes of a command for an axis that something else holds."""
+
+    REJECT = "reject"
+    """It is refused."""
+    REPLACE = "replace"
+    """What runs and what waits is cancelled; the command begins once the axis stands."""
+    QUEUE = "queue"
+    """It waits, and begins once everything before it has succeeded."""
 
 
 def _check_rate(name: str, value: int | None) -> None:
@@ -49,16 +64,58 @@ class MoveRequest:
 
 @dataclass(frozen=True, slots=True)
 class VelocityRequest:
-    """Turn at a velocity in profile velocity mode; 0 ramps down to standstill."""
+    """Turn at a velocity, until something else is commanded or to an end of its own; 0 ramps down to
+    standstill. At most one of the three ends may be given, and none with a velocity of 0.
+    """
 
     velocity: int
     """steps/s, signed"""
     acceleration: int | None = None
     """steps/s2; ramps up and down (manual §1.5)"""
+    duration_s: float | None = None
+    """Turns that long at its velocity, then ramps down; above 0, at most `LONGEST_TURNING`."""
+    travel: int | None = None
+    """Steps, at least 1, from standstill to standstill; the module itself ends it (profile position mode)."""
+    held: bool = False
+    """It lasts until the axis is stopped: it never succeeds by itself, and its operation lives as long."""
 
     def __post_init__(self) -> None:
         check_velocity(self.velocity)
         _check_rate("acceleration", self.acceleration)
+        ends = sum((self.duration_s is not None, self.travel is not None, self.held))
+        if ends > 1 or (ends and not self.velocity):
+            raise BadValue(
+                "A velocity has at most one end, and a velocity of 0 has none.",
+                hint="Give one of a duration, a travel and a lease, or none of them.",
+            )
+        if self.duration_s is not None and not 0 < self.duration_s <= LONGEST_TURNING:
+            raise BadValue(
+                f"A duration must be above 0 and at most {LONGEST_TURNING:g} s.",
+                hint="Give another duration.",
+            )
+        if self.travel is not None and not 1 <= self.travel <= INT32_MAX:
+            raise BadValue(f"A travel must be 1..{INT32_MAX} steps.", hint="Give another travel.")
+
+    @property
+    def endless(self) -> bool:
+        """Whether it turns until something else is commanded, so that nothing can come after it."""
+        return bool(self.velocity) and self.duration_s is None and self.travel is None
+
+    @property
+    def plain(self) -> bool:
+        """Whether it has no end: once the axis has its velocity, the command is done."""
+        return self.duration_s is None and self.travel is None and not self.held
+
+    @property
+    def as_move(self) -> MoveRequest | None:
+        """The move that turns by `travel`; None: it has no such end."""
+        if self.travel is None:
+            return None
+        rate = self.acceleration
+        way = self.travel if self.velocity > 0 else -self.travel
+        return MoveRequest(
+            way, relative=True, velocity=abs(self.velocity), acceleration=rate, deceleration=rate
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +131,7 @@ class HomeRequest:
     acceleration: int | None = None
     """609Ah, steps/s2"""
     timeout_s: float | None = None
-    """Deadline; None: `Timing.homing`."""
+    """Deadline; None: from what `predict_home` says."""
 
     def __post_init__(self) -> None:
         _check_rate("fast", self.fast)

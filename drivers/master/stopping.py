@@ -166,14 +166,19 @@ def _as_the_bus_takes_it(send: Callable[[], None]) -> None:
 
 def _bound(tools: AxisTools) -> float:
     """How long the ramp down may take: from the velocity now, with the gentlest ramp that is set."""
-    config, timing, parameters = tools.config, tools.timing, tools.parameters
-    gentlest = min(
+    timing = tools.timing
+    ramp = predict_stop(tools.drive.status.velocity or 0, gentlest_ramp(tools))
+    return ramp * timing.motion_factor + timing.standstill_margin
+
+
+def gentlest_ramp(tools: AxisTools) -> int:
+    """The lowest of the decelerations that are set, steps/s2: which of them a halt takes is the mode's."""
+    config, parameters = tools.config, tools.parameters
+    return min(
         parameters.held(objects.PROFILE_ACCELERATION, 0, config.acceleration),
         parameters.held(objects.PROFILE_DECELERATION, 0, config.deceleration),
         parameters.held(objects.HOMING_ACCELERATION, 0, config.homing_acceleration),
     )
-    ramp = predict_stop(tools.drive.status.velocity or 0, gentlest)
-    return ramp * timing.motion_factor + timing.standstill_margin
 
 
 async def _escalate(tools: AxisTools) -> None:

@@ -64,8 +64,6 @@ class Timing:
     """A motion's deadline is the computed duration times this ..."""
     motion_margin: float = 3.0
     """... plus this."""
-    homing: float = 120.0
-    """Deadline of a homing when the command gives none."""
     standstill_margin: float = 2.0
     """A stop's deadline is the computed ramp times `motion_factor` plus this; then quick stop is tried."""
     shutdown: float = 10.0

@@ -153,7 +153,7 @@ async def test_a_service_that_is_started_while_axes_move_adopts_them() -> None:
             assert node.axis(0).adopted
             assert node.axis(0).status.moving
             assert truly_moving(bench)
-            assert [each.code for each in node.axis(0).readiness("move")] == ["adopted", "turning"]
+            assert [each.code for each in node.axis(0).readiness("move")] == ["turning", "adopted"]
             await node.axis(0).stop()
             assert not truly_moving(bench)
             await node.axis(0).enable()

@@ -177,7 +177,7 @@ def test_a_service_killed_and_started_at_once_adopts_what_turns(module: Module, 
         assert found["velocity"]["steps"] == SPEED
         refused = http.post(f"{AXIS}/move", json=FAR)
         assert (refused.status_code, refused.json()["code"]) == (409, "not_ready")
-        assert [each["code"] for each in refused.json()["obstacles"]] == ["adopted", "turning"]
+        assert [each["code"] for each in refused.json()["obstacles"]] == ["turning", "adopted"]
         assert http.post(f"{AXIS}/stop", headers=JSON).json()["moving"] is False
         assert module.now()["axes"][0]["moving"] is False
         assert http.post(f"{AXIS}/enable", headers=JSON).status_code == 200

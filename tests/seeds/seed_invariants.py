@@ -16,6 +16,7 @@ from drivers.cia402 import objects
 from drivers.cia402.power import PowerState
 from drivers.master import Axis, AxisStatus, Motion, MotionKind, MotionState
 from drivers.master.motion import Result
+from drivers.master.prediction import predict_home
 from drivers.master.requests import HomeRequest, MoveRequest, VelocityRequest
 from drivers.sim.motion.axis import SimulatedAxis
 
@@ -397,7 +398,7 @@ class Invariants:
                 )
                 lasts = abs(distance) / velocity + 2 * velocity / gentlest
             case HomeRequest():
-                lasts = request.timeout_s or timing.homing
+                lasts = request.timeout_s or predict_home(config, request).duration_s
             case VelocityRequest():
                 lasts = 2 * HIGHEST_SPEED / (request.acceleration or config.acceleration)
         return before + timing.handshake + lasts * timing.motion_factor + timing.motion_margin + timing.stuck
