@@ -33,6 +33,7 @@ TAGS = [
     {"name": "nodes", "description": "The modules on the bus."},
     {"name": "axes", "description": "The state of an axis, and bringing it to another."},
     {"name": "moves", "description": "Commands that move an axis; each is an operation."},
+    {"name": "positions", "description": "Positions of an axis that have names."},
     {"name": "terminals", "description": "Digital and analog inputs and outputs of a module."},
     {"name": "operations", "description": "Commands that take time."},
     {"name": "stop", "description": "Software stop for everything; latched until it is reset."},

@@ -73,6 +73,12 @@ _ROWS = (
     ("shutting_down", 503, "Service is shutting down", "Wait until the service runs again."),
     ("history_off", 503, "History is off", "The store can't be read; see /readyz. Motion is not affected."),
     (
+        "store_off",
+        503,
+        "Store is off",
+        "Try again once /readyz says that the store works; what was known before is still used.",
+    ),
+    (
         "service_restarted",
         503,
         "Service ended meanwhile",
@@ -89,6 +95,7 @@ _ROWS = (
         "No such object",
         "The module's manual lists its objects; indices are hexadecimal.",
     ),
+    ("unknown_position", 404, "No such position", "List them with GET positions of the axis."),
     ("unknown_terminal", 404, "No such input or output", "List them with GET inputs and GET outputs."),
     ("input_timeout", 504, "Input did not get there in time", "Look at the input, or give it more time."),
     ("bad_value", 422, "Value not allowed", "Nothing was sent; correct the value and try again."),

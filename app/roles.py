@@ -51,6 +51,8 @@ COMMANDS: tuple[tuple[str, str, Role], ...] = (
     ("POST", f"{API}/tickets", Role.READ),  # a ticket is never worth more than the token it was asked with
     ("POST", f"{API}/nodes/{{node}}/boot", Role.CONFIGURE),  # writes the node's parameters anew
     ("POST", f"{API}/nodes/{{node}}/verify-failsafe", Role.CONFIGURE),  # lets an enabled axis fault
+    ("PUT", f"{_AXIS}/positions/{{name}}", Role.MOVE),
+    ("DELETE", f"{_AXIS}/positions/{{name}}", Role.MOVE),
     ("POST", f"{API}/nodes/{{node}}/outputs/{{output}}", Role.MOVE),  # whatever hangs on it may move
     ("POST", f"{API}/nodes/{{node}}/waits", Role.MOVE),
     ("PUT", f"{API}/nodes/{{node}}/objects/{{index}}/{{sub}}", Role.CONFIGURE),

@@ -17,6 +17,7 @@ from app.jog.jogs import Jogs
 from app.keys import Keys
 from app.metrics import Metrics
 from app.operations import OperationRegister
+from app.positions import Positions
 from app.problems import ApiError
 from app.restart import note_what_is_found
 from app.settings import Settings
@@ -55,6 +56,7 @@ class Service:
         )
         self.meant = Meant()
         """Where moves were meant to end, so that rounding doesn't add up."""
+        self.positions = Positions(self.store)
         self.streams = Streams(self, settings.server.max_streams)
         self.jogs = Jogs(self, settings.server.max_streams)
         self.metrics = Metrics(self)

@@ -17,6 +17,8 @@ _WORDS = {
     "missing": "is required",
     "number": "{text}",
     "input_name": "{text}",
+    "teach": "{text}",
+    "string_pattern_mismatch": "must fit {pattern}",
     "wait": "{text}",
     "rate": "{text}",
     "scalar": "{text}",

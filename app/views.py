@@ -19,6 +19,7 @@ from app.schemas.nodes import (
     IdentityReply,
     NodeReply,
 )
+from app.schemas.positions import NamedPositionReply
 from app.schemas.system import AxisStopReply, BusReply, StopReply, StopState
 from app.schemas.terminals import (
     AnalogInputReply,
@@ -27,6 +28,7 @@ from app.schemas.terminals import (
     OutputReply,
     SwitchReply,
 )
+from app.store.positions import NamedPosition
 from app.units import Scale
 from drivers.errors import Obstacle
 from drivers.master.axis import Axis
@@ -173,6 +175,21 @@ def _boot_step(step: BootStep) -> BootStepReply:
         reason=step.reason,
         remedy=step.remedy,
         took_s=None if step.took_s is None else round(step.took_s, 4),
+    )
+
+
+def named_position(axis: Axis, position: NamedPosition) -> NamedPositionReply:
+    """One named position of an axis."""
+    per_unit = axis.config.units.get(position.unit)
+    scale = Scale.of(axis.config) if per_unit is None else Scale(position.unit, per_unit)
+    low, high = axis.config.target_range
+    return NamedPositionReply(
+        name=position.name,
+        position=scale.quantity(position.steps),
+        unreferenced=not position.needs_reference,
+        within_limits=low <= position.steps <= high,
+        taught=position.taught,
+        taught_by=position.taught_by,
     )
 
 

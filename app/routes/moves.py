@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from app.deps import AxisDep
 from app.documentation import MOVING, Responses, operation_links, problems
+from app.going import MoveDep
 from app.problems import ApiError
 from app.replies import location_header, preference_header
 from app.roles import API
 from app.routing import Router
-from app.schemas.axes import HomeBody, MoveBody, SetPositionBody, VelocityBody
+from app.schemas.axes import HomeBody, SetPositionBody, VelocityBody
 from app.schemas.operations import OperationReply
 from app.starting import StarterDep
 from app.units import Scale
@@ -42,9 +43,17 @@ router = Router(
 )
 
 
-@router.post("/move", summary="Go to a position", status_code=202)
-async def move_axis(body: MoveBody, axis: AxisDep, starter: StarterDep) -> OperationReply:
-    """Go to a position, or by a distance. Refused with a reason if the axis can't; nothing is sent then."""
+@router.post(
+    "/move",
+    summary="Go to a position",
+    status_code=202,
+    responses=problems(*MOVING, "unknown_position", "store_off"),
+)
+async def move_axis(body: MoveDep, axis: AxisDep, starter: StarterDep) -> OperationReply:
+    """Go to a position, told or taught, or by a distance.
+
+    Refused with a reason if the axis can't; nothing is sent then.
+    """
     scale = Scale.named(body.unit, axis.config)
     target, aim = starter.meant.target(axis, scale.exact("target", body.target), relative=body.relative)
     request = MoveRequest(

@@ -25,6 +25,16 @@ MOVE: Example = {
 VELOCITY: Example = {"velocity": 100000, "unit": "steps"}
 HOME: Example = {"method": 19}
 SET_POSITION: Example = {"position": 0, "unit": "steps"}
+GO: Example = {"position": "park"}
+TEACH: Example = {"position": 51200, "unit": "steps"}
+NAMED_POSITION: Example = {
+    "name": "park",
+    "position": {"steps": 51200, "value": 51200.0, "unit": "steps"},
+    "unreferenced": False,
+    "within_limits": True,
+    "taught": TIME,
+    "taught_by": "anonymous",
+}
 OBSTACLE: Example = {
     "code": "not_enabled",
     "message": "The axis is switch_on_disabled.",

@@ -33,5 +33,20 @@ CREATE INDEX keys_by_birth ON keys (born);
 """
 """Idempotency keys; `status` is NULL until the first request with the key was answered."""
 
-MIGRATIONS: tuple[str, ...] = (OPERATIONS, KEYS)
+POSITIONS = """
+CREATE TABLE positions (
+    node INTEGER NOT NULL,
+    axis INTEGER NOT NULL,
+    name TEXT NOT NULL,
+    steps INTEGER NOT NULL,
+    unit TEXT NOT NULL,
+    needs_reference INTEGER NOT NULL,
+    taught REAL NOT NULL,
+    taught_by TEXT NOT NULL,
+    PRIMARY KEY (node, axis, name)
+) WITHOUT ROWID;
+"""
+"""Named positions; `taught` is seconds since 1970."""
+
+MIGRATIONS: tuple[str, ...] = (OPERATIONS, KEYS, POSITIONS)
 """The schema's version is how many of them were applied (PRAGMA user_version)."""

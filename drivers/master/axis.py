@@ -39,6 +39,10 @@ class Axis(AxisBody):
         """
         return obstacles(self, AxisCommand(command))
 
+    def check_position(self, position: int) -> None:
+        """Raise `BadValue` for a position (steps) outside of the travel limits."""
+        positioning.check_target(self._tools, position, "position")
+
     # --- power ---
 
     async def enable(self) -> None:
