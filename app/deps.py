@@ -192,6 +192,17 @@ async def empty_body(body: NoBody | None = None) -> None:
     del body
 
 
+LeaseToken = Annotated[str | None, Header(alias="Lease", max_length=255)]
+
+DryRun = Annotated[
+    bool,
+    Query(
+        description="Only say what the command would come to: nothing is sent, no operation is made, no "
+        "Idempotency-Key is spent. A disabled axis will do.",
+    ),
+]
+
+
 def parse_index(text: str) -> int:
     """An object index in hexadecimal. Raises `ApiError` (422)."""
     if re.fullmatch(r"0[xX][0-9A-Fa-f]{1,4}", text) is None:

@@ -60,7 +60,7 @@ UNFINISHED = ("transition_timeout", "motion_failed", "motion_timeout")
 NODE_REFUSALS = ("not_ready", "bad_value", "duplicate_node", "transition_timeout")
 NODE_COMMAND = (*NODE, *UNSAFE, *KEYS, *TRANSFER, *NODE_REFUSALS)
 AXIS_COMMAND = (*AXIS, *UNSAFE, *KEYS, *TRANSFER, *STATE, *UNFINISHED)
-MOVING = (*AXIS_COMMAND, "bad_value")
+MOVING = (*AXIS_COMMAND, "bad_value", "axis_queue_full")
 
 
 def problems(*codes: str) -> Responses:

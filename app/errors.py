@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, cast
 
 import structlog
@@ -15,11 +16,12 @@ from starlette.responses import Response
 from starlette.routing import compile_path
 
 from app import problems, validation
+from app.deps import LONGEST_WAIT
 from app.operations import operation_path
 from app.problems import ApiError, ProblemReply
 from app.replies import problem_response
 from app.service import Service
-from drivers.errors import CanaxisError, NotReady, SdoQueueFull
+from drivers.errors import CanaxisError, LineFull, NotReady, SdoQueueFull
 
 log: structlog.stdlib.BoundLogger = structlog.get_logger("canaxis.http")
 
@@ -47,6 +49,8 @@ async def _driver_error(request: Request, error: Exception) -> Response:
         running = _running_operation(request, error)
         if running is not None:
             reply.body["operation"] = running
+    if isinstance(error, LineFull):
+        return _reply(request, reply, {"Retry-After": str(math.ceil(min(error.frees_in_s, LONGEST_WAIT)))})
     full = isinstance(error, SdoQueueFull)
     return _reply(request, reply, {"Retry-After": RETRY_AFTER} if full else None)
 

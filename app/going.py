@@ -30,6 +30,7 @@ async def wanted_move(body: MoveOrGoBody, axis: AxisDep, service: ServiceDep) ->
         velocity=scale.rate("velocity", body.velocity),
         acceleration=scale.rate("acceleration", body.acceleration),
         deceleration=scale.rate("deceleration", body.deceleration),
+        on_busy=body.on_busy,
     )
 
 

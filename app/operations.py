@@ -21,7 +21,7 @@ from app.schemas.operations import Asker, OperationAxis, OperationLinks, Operati
 from app.store import operations as records
 from app.store.database import Database, StoreOff
 from app.units import Scale
-from app.views import axis_path
+from app.views import axis_path, peak
 from drivers.master.axis import Axis
 from drivers.master.motion import MotionKind, Undertaking
 from drivers.master.node import Node
@@ -63,6 +63,7 @@ class Operation:
     def reply(self) -> OperationReply:
         """What the wire shows of it now."""
         motion = self.motion
+        expected = motion.prediction
         error = None
         if motion.error is not None and motion.state.value == OperationState.FAILED:
             error = Problem.model_validate(problems.of_driver_error(motion.error).body)
@@ -72,6 +73,8 @@ class Operation:
         news = {
             "state": OperationState(motion.state.value),
             "progress": motion.progress,
+            "predicted_s": None if expected is None else round(expected.duration_s, 4),
+            "predicted_peak_velocity": peak(motion.axes[0], expected) if len(motion.axes) == 1 else None,
             "result": _result(motion),
             "error": error,
             "reason": motion.error.message if motion.error is not None else None,

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Any, NamedTuple, cast
 
+from app import remedies
 from drivers import errors
 
 MEDIA_TYPE = "application/problem+json"
@@ -205,9 +206,7 @@ def of_driver_error(error: errors.CanaxisError) -> ProblemReply:
     if error.index is not None:
         extra["index"] = f"0x{error.index:04X}"
     if isinstance(error, errors.NotReady):
-        extra["obstacles"] = [
-            {"code": o.code, "message": o.message, "remedy": o.remedy} for o in error.obstacles
-        ]
+        extra["obstacles"] = [remedies.obstacle(o, error.node, error.axis) for o in error.obstacles]
     if isinstance(error, errors.SdoError):
         extra["outcome"] = error.outcome.value
     if isinstance(error, errors.SdoAborted):

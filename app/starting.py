@@ -7,12 +7,15 @@ from typing import Annotated, Any
 
 from fastapi import Depends, Response
 
+from app import views
 from app.deps import AskerDep, ServiceDep, WaitDep
 from app.operations import operation_path
 from app.schemas.operations import OperationReply
+from app.schemas.previews import PreviewReply
 from drivers.master.axis import Axis
 from drivers.master.motion import MotionKind, Undertaking
 from drivers.master.node import Node
+from drivers.master.requests import OnBusy, Request
 
 
 class Starter:
@@ -54,6 +57,13 @@ class Starter:
         if self._wait.preferred:
             self._response.headers["Preference-Applied"] = f"wait={self._wait.seconds:g}"
         return operation.reply()
+
+    def preview(
+        self, kind: MotionKind, axis: Axis, asked: Mapping[str, Any], request: Request, on_busy: OnBusy
+    ) -> PreviewReply:
+        """Say what a command would come to: nothing is sent, written or spent."""
+        self._response.status_code = 200
+        return views.preview(kind.value, axis, axis.preview(request, on_busy), asked)
 
 
 def _axes(axes: Axis | Node | Sequence[Axis]) -> tuple[Axis, ...]:

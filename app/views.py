@@ -8,8 +8,9 @@ from datetime import UTC, datetime
 from enum import Enum
 from typing import TYPE_CHECKING, Any, cast
 
+from app import remedies
 from app.schemas.axes import ActiveEmergency, AxisStatusReply, FoundReply, Limits, ReadinessReply
-from app.schemas.common import ObstacleReply
+from app.schemas.common import ObstacleReply, Quantity
 from app.schemas.nodes import (
     AxisName,
     BootReply,
@@ -20,6 +21,7 @@ from app.schemas.nodes import (
     NodeReply,
 )
 from app.schemas.positions import NamedPositionReply
+from app.schemas.previews import PathReply, PreviewReply
 from app.schemas.system import AxisStopReply, BusReply, StopReply, StopState
 from app.schemas.terminals import (
     AnalogInputReply,
@@ -32,9 +34,11 @@ from app.store.positions import NamedPosition
 from app.units import Scale
 from drivers.errors import Obstacle
 from drivers.master.axis import Axis
-from drivers.master.boot_log import BootStep, StepState
+from drivers.master.boot_log import BootStep, Change, StepState
 from drivers.master.emergencies import EmergencyRecord
 from drivers.master.node import Node
+from drivers.master.outlook import Preview
+from drivers.master.prediction import Prediction
 from drivers.master.readiness import AxisCommand
 from drivers.master.status import Adoption, StopLatch, StopReport
 from drivers.master.terminals import AnalogLevel, DigitalLevel, Output
@@ -77,6 +81,7 @@ def axis_status(axis: Axis) -> AxisStatusReply:
             for e in status.emergencies
         ],
         operation=None if motion is None or motion.done else motion.id,
+        queued=[waiting.id for waiting in axis.queued],
         age_s=None if age is None else round(age, 4),
         stale=status.stale,
     )
@@ -93,21 +98,61 @@ def _found(adoption: Adoption, scale: Scale) -> FoundReply:
     )
 
 
-def obstacles(found: Sequence[Obstacle]) -> list[ObstacleReply]:
-    """What prevents a command."""
-    return [ObstacleReply(code=o.code, message=o.message, remedy=o.remedy) for o in found]
+def obstacles(axis: Axis, found: Sequence[Obstacle]) -> list[ObstacleReply]:
+    """What prevents a command on an axis."""
+    node, number = axis.node.node_id, axis.number
+    return [ObstacleReply.model_validate(remedies.obstacle(one, node, number)) for one in found]
 
 
 def readiness(axis: Axis) -> ReadinessReply:
     """What prevents each command on an axis now."""
-    move = obstacles(axis.readiness(AxisCommand.MOVE))
-    return ReadinessReply(
-        ready=not move,
-        enable=obstacles(axis.readiness(AxisCommand.ENABLE)),
-        move=move,
-        velocity=obstacles(axis.readiness(AxisCommand.VELOCITY)),
-        home=obstacles(axis.readiness(AxisCommand.HOME)),
+    found = {command.value: obstacles(axis, axis.readiness(command)) for command in _ANSWERABLE}
+    return ReadinessReply(ready=not found["move"], **found)
+
+
+_ANSWERABLE = tuple(AxisCommand(name) for name in ReadinessReply.model_fields if name != "ready")
+
+
+def preview(kind: str, axis: Axis, seen: Preview, asked: Mapping[str, Any]) -> PreviewReply:
+    """What a command would come to."""
+    scale = Scale.of(axis.config)
+
+    def place(steps: int | None) -> Quantity | None:
+        return None if steps is None else scale.quantity(steps)
+
+    expected = seen.prediction
+    path = None
+    if expected is not None and expected.path is not None and seen.within is not None:
+        path = PathReply(
+            lowest=scale.quantity(expected.path[0]),
+            highest=scale.quantity(expected.path[1]),
+            limit_low=scale.quantity(seen.limits[0]),
+            limit_high=scale.quantity(seen.limits[1]),
+            within=seen.within,
+        )
+    return PreviewReply(
+        dry_run=True,
+        kind=kind,
+        node=axis.node.node_id,
+        axis=axis.number,
+        name=axis.name,
+        accepted=seen.admission is not None,
+        begins=None if seen.admission is None else seen.admission.value,
+        obstacles=obstacles(axis, seen.obstacles),
+        request=dict(asked),
+        predicted_s=None if expected is None else round(expected.duration_s, 4),
+        predicted_peak_velocity=peak(axis, expected),
+        start=None if expected is None else place(expected.start),
+        end=None if expected is None else place(expected.end),
+        path=path,
+        assumed=[] if expected is None else list(expected.assumed),
+        writes=[change(one) for one in seen.changes],
     )
+
+
+def peak(axis: Axis, expected: Prediction | None) -> Quantity | None:
+    """The highest speed of a prediction."""
+    return None if expected is None else Scale.of(axis.config).quantity(round(expected.peak_velocity), "/s")
 
 
 def node(node: Node) -> NodeReply:
@@ -159,18 +204,7 @@ def _boot_step(step: BootStep) -> BootStepReply:
         state=step.state.value,
         compared=step.compared,
         written=step.written,
-        changes=[
-            ChangeReply(
-                index=f"0x{change.address.index:04X}",
-                sub=change.address.sub,
-                name=change.name,
-                axis=change.axis,
-                old=change.old,
-                new=change.new,
-                unit=change.unit,
-            )
-            for change in step.changes
-        ],
+        changes=[change(one) for one in step.changes],
         note=step.note,
         reason=step.reason,
         remedy=step.remedy,
@@ -235,6 +269,19 @@ def output(node: Node, level: Output) -> OutputReply:
         on=level.on,
         usable=level.usable,
         push_pull=level.push_pull,
+    )
+
+
+def change(one: Change) -> ChangeReply:
+    """An object that was, or would be, written."""
+    return ChangeReply(
+        index=f"0x{one.address.index:04X}",
+        sub=one.address.sub,
+        name=one.name,
+        axis=one.axis,
+        old=one.old,
+        new=one.new,
+        unit=one.unit,
     )
 
 

@@ -5,7 +5,7 @@ Each answers with an operation: the motion is the service's, not the client's.
 
 from __future__ import annotations
 
-from app.deps import AxisDep
+from app.deps import AxisDep, DryRun, LeaseToken
 from app.documentation import MOVING, Responses, operation_links, problems
 from app.going import MoveDep
 from app.problems import ApiError
@@ -14,10 +14,17 @@ from app.roles import API
 from app.routing import Router
 from app.schemas.axes import HomeBody, SetPositionBody, VelocityBody
 from app.schemas.operations import OperationReply
+from app.schemas.previews import PreviewReply
 from app.starting import StarterDep
 from app.units import Scale
 from drivers.master.motion import Motion, MotionKind
-from drivers.master.requests import HomeRequest, MoveRequest, SetPositionRequest, VelocityRequest
+from drivers.master.requests import (
+    HomeRequest,
+    MoveRequest,
+    OnBusy,
+    SetPositionRequest,
+    VelocityRequest,
+)
 
 ANSWERED: Responses = {
     200: {
@@ -35,6 +42,14 @@ ANSWERED: Responses = {
 }
 """How a command that takes time answers if it isn't refused."""
 ANSWERS: Responses = {**ANSWERED, **problems(*MOVING)}
+PREVIEWED: Responses = {
+    200: {
+        **ANSWERED[200],
+        "description": "It ended while the request waited; `state` says how. Or the answer to a dry run.",
+        "model": OperationReply | PreviewReply,
+    }
+}
+"""How one answers that can be looked at before it is given."""
 
 router = Router(
     f"{API}/nodes/{{node}}/axes/{{axis}}",
@@ -47,12 +62,15 @@ router = Router(
     "/move",
     summary="Go to a position",
     status_code=202,
-    responses=problems(*MOVING, "unknown_position", "store_off"),
+    responses={**PREVIEWED, **problems(*MOVING, "unknown_position", "store_off")},
 )
-async def move_axis(body: MoveDep, axis: AxisDep, starter: StarterDep) -> OperationReply:
+async def move_axis(
+    body: MoveDep, axis: AxisDep, starter: StarterDep, dry_run: DryRun = False
+) -> OperationReply | PreviewReply:
     """Go to a position, told or taught, or by a distance.
 
-    Refused with a reason if the axis can't; nothing is sent then.
+    Refused with a reason if the axis can't; nothing is sent then. A queued distance counts from where the
+    operation before it ends.
     """
     scale = Scale.named(body.unit, axis.config)
     target, aim = starter.meant.target(axis, scale.exact("target", body.target), relative=body.relative)
@@ -64,32 +82,53 @@ async def move_axis(body: MoveDep, axis: AxisDep, starter: StarterDep) -> Operat
         deceleration=scale.rate("deceleration", body.deceleration),
     )
     asked = body.model_dump(exclude_none=True) | scale.commanded("target", body.target, request.target)
+    on_busy = OnBusy(body.on_busy)
+    if dry_run:
+        return starter.preview(MotionKind.MOVE, axis, asked, request, on_busy)
 
     def begin(operation_id: str) -> Motion:
-        motion = axis.move_to(request, undertaking_id=operation_id)
-        starter.meant.sent(axis, aim)
+        motion = axis.move_to(request, on_busy=on_busy, undertaking_id=operation_id)
+        if not (body.relative and axis.last is not motion):
+            starter.meant.sent(axis, aim)
         return motion
 
     return await starter.start(MotionKind.MOVE, axis, asked, begin)
 
 
-@router.post("/velocity", summary="Run at a speed", status_code=202)
-async def run_axis(body: VelocityBody, axis: AxisDep, starter: StarterDep) -> OperationReply:
-    """Run at a speed until something else is commanded.
+@router.post("/velocity", summary="Run at a speed", status_code=202, responses=PREVIEWED)
+async def run_axis(
+    body: VelocityBody, axis: AxisDep, starter: StarterDep, lease: LeaseToken = None, dry_run: DryRun = False
+) -> OperationReply | PreviewReply:
+    """Run at a speed until something else is commanded, or to at most one of three ends. 0 ramps down.
 
-    0 ramps down. It succeeds when the speed is reached.
+    Without an end it succeeds when the speed is reached. With `duration_s` or `travel` it lives until
+    standstill; with `lease` until it is stopped, by the end of the lease at the latest.
     """
+    if body.lease and lease is None:
+        raise ApiError(
+            "bad_value",
+            "lease: the request is sent under no lease.",
+            hint="Send the header Lease, or another end.",
+        )
     scale = Scale.named(body.unit, axis.config)
     request = VelocityRequest(
         velocity=scale.steps("velocity", body.velocity),
         acceleration=scale.rate("acceleration", body.acceleration),
+        duration_s=body.duration_s,
+        travel=scale.rate("travel", body.travel),
+        held=body.lease,
     )
     asked = body.model_dump(exclude_none=True) | scale.commanded("velocity", body.velocity, request.velocity)
+    if request.travel is not None:
+        asked["travel_steps"] = request.travel
+    on_busy = OnBusy(body.on_busy)
+    if dry_run:
+        return starter.preview(MotionKind.VELOCITY, axis, asked, request, on_busy)
     return await starter.start(
         MotionKind.VELOCITY,
         axis,
         asked,
-        lambda operation_id: axis.run_at(request, undertaking_id=operation_id),
+        lambda operation_id: axis.run_at(request, on_busy=on_busy, undertaking_id=operation_id),
     )
 
 
@@ -112,8 +151,10 @@ async def set_position(body: SetPositionBody, axis: AxisDep, starter: StarterDep
     return await starter.start(MotionKind.SET_POSITION, axis, asked, begin)
 
 
-@router.post("/home", summary="Seek the reference", status_code=202)
-async def home_axis(body: HomeBody, axis: AxisDep, starter: StarterDep) -> OperationReply:
+@router.post("/home", summary="Seek the reference", status_code=202, responses=PREVIEWED)
+async def home_axis(
+    body: HomeBody, axis: AxisDep, starter: StarterDep, dry_run: DryRun = False
+) -> OperationReply | PreviewReply:
     """Seek the reference with a homing method of the module."""
     rates = (body.fast, body.slow, body.acceleration)
     if body.unit is None and any(rate is not None for rate in rates):
@@ -126,9 +167,13 @@ async def home_axis(body: HomeBody, axis: AxisDep, starter: StarterDep) -> Opera
         acceleration=scale.rate("acceleration", body.acceleration),
         timeout_s=body.timeout_s,
     )
+    asked = body.model_dump(exclude_none=True)
+    on_busy = OnBusy(body.on_busy)
+    if dry_run:
+        return starter.preview(MotionKind.HOME, axis, asked, request, on_busy)
     return await starter.start(
         MotionKind.HOME,
         axis,
-        body.model_dump(exclude_none=True),
-        lambda operation_id: axis.home(request, undertaking_id=operation_id),
+        asked,
+        lambda operation_id: axis.home(request, on_busy=on_busy, undertaking_id=operation_id),
     )

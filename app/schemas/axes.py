@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from app.schemas import examples
-from app.schemas.common import Number, ObstacleReply, Quantity, Rate, Reply, Request, Unit
+from app.schemas.common import Number, ObstacleReply, OnBusyChoice, Quantity, Rate, Reply, Request, Unit
 
 
 class MoveBody(Request):
@@ -19,16 +19,28 @@ class MoveBody(Request):
     velocity: Rate = Field(default=None, description="`unit`/s")
     acceleration: Rate = Field(default=None, description="`unit`/s2")
     deceleration: Rate = Field(default=None, description="`unit`/s2")
+    on_busy: OnBusyChoice = "reject"
 
 
 class VelocityBody(Request):
-    """Run at a speed until something else is commanded; 0 stops."""
+    """Run at a speed, until something else is commanded or to at most one of three ends; 0 stops."""
 
     model_config = examples.shown(examples.VELOCITY)
 
     velocity: Number = Field(description="`unit`/s; the sign is the direction.")
     unit: Unit
     acceleration: Rate = Field(default=None, description="`unit`/s2, up and down.")
+    duration_s: float | None = Field(
+        default=None, gt=0, le=86_400, description="It turns that long at its speed, then ramps down."
+    )
+    travel: Rate = Field(
+        default=None,
+        description="Distance in `unit` from standstill to standstill; the module ends it, to the step.",
+    )
+    lease: bool = Field(
+        default=False, description="It ends with the lease that it is sent under (header Lease), by a stop."
+    )
+    on_busy: OnBusyChoice = "reject"
 
 
 class HomeBody(Request):
@@ -41,7 +53,13 @@ class HomeBody(Request):
     fast: Rate = Field(default=None, description="Speed while seeking the switch, `unit`/s")
     slow: Rate = Field(default=None, description="Speed while seeking the edge, `unit`/s")
     acceleration: Rate = Field(default=None, description="`unit`/s2")
-    timeout_s: float | None = Field(default=None, gt=0, le=3600, description="Seconds it may take.")
+    timeout_s: float | None = Field(
+        default=None,
+        gt=0,
+        le=3600,
+        description="Seconds it may take; left out, it follows from the way and the speeds.",
+    )
+    on_busy: OnBusyChoice = "reject"
 
 
 class SetPositionBody(Request):
@@ -113,6 +131,7 @@ class AxisStatusReply(Reply):
     home_switch: bool
     emergencies: list[ActiveEmergency]
     operation: str | None = Field(description="ID of the operation that holds the axis.")
+    queued: list[str] = Field(description="IDs of the operations that wait for it, the next first.")
     age_s: float | None = Field(description="Seconds since the module sent this; None if it never did.")
     stale: bool = Field(description="Whether this is too old to rely on.")
 
@@ -126,12 +145,16 @@ class AxisList(Reply):
 
 
 class ReadinessReply(Reply):
-    """What prevents each command now."""
+    """What prevents each command now, in the order of what to do first."""
 
     model_config = examples.shown(examples.READINESS)
 
     ready: bool = Field(description="Whether a move would be accepted now.")
     enable: list[ObstacleReply]
+    disable: list[ObstacleReply]
+    reset_fault: list[ObstacleReply]
     move: list[ObstacleReply]
     velocity: list[ObstacleReply]
     home: list[ObstacleReply]
+    set_position: list[ObstacleReply]
+    jog: list[ObstacleReply]

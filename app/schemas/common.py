@@ -84,12 +84,33 @@ class Quantity(Reply):
     unit: str = Field(examples=["steps"])
 
 
+OnBusyChoice = Annotated[
+    Literal["reject", "replace", "queue"],
+    Field(
+        description="If something else holds the axis: `reject` refuses the command; `replace` cancels what "
+        "runs and what waits, and begins once the axis stands; `queue` begins once everything before it has "
+        "succeeded."
+    ),
+]
+
+
+class ActionReply(Reply):
+    """A request that can be sent as it is."""
+
+    method: str = Field(examples=["POST"])
+    path: str = Field(examples=["/api/v1/nodes/1/axes/0/enable"])
+    body: dict[str, str]
+
+
 class ObstacleReply(Reply):
     """One thing that prevents a command now, and what to do about it."""
 
     code: str = Field(examples=["not_enabled"])
     message: str = Field(examples=["The axis is not enabled."])
-    remedy: str = Field(examples=["POST enable."])
+    remedy: str = Field(examples=["Enable the axis."])
+    action: ActionReply | None = Field(
+        default=None, description="What does it; None: it takes waiting, or a person's hands."
+    )
 
 
 class FieldError(Reply):

@@ -39,6 +39,7 @@ OBSTACLE: Example = {
     "code": "not_enabled",
     "message": "The axis is switch_on_disabled.",
     "remedy": "Enable the axis.",
+    "action": {"method": "POST", "path": "/api/v1/nodes/1/axes/0/enable", "body": {}},
 }
 AXIS: Example = {
     "node": 1,
@@ -59,15 +60,54 @@ AXIS: Example = {
     "home_switch": False,
     "emergencies": [],
     "operation": None,
+    "queued": [],
     "age_s": 0.012,
     "stale": False,
 }
 READINESS: Example = {
     "ready": False,
     "enable": [],
+    "disable": [],
+    "reset_fault": [],
     "move": [OBSTACLE],
     "velocity": [OBSTACLE],
     "home": [OBSTACLE],
+    "set_position": [],
+    "jog": [OBSTACLE],
+}
+PREVIEW: Example = {
+    "dry_run": True,
+    "kind": "move",
+    "node": 1,
+    "axis": 0,
+    "name": "x",
+    "accepted": False,
+    "begins": None,
+    "obstacles": [OBSTACLE],
+    "request": {"target": 51200, "unit": "steps", "relative": False, "target_steps": 51200},
+    "predicted_s": 1.5,
+    "predicted_peak_velocity": {"steps": 51200, "value": 51200.0, "unit": "steps/s"},
+    "start": {"steps": 0, "value": 0.0, "unit": "steps"},
+    "end": {"steps": 51200, "value": 51200.0, "unit": "steps"},
+    "path": {
+        "lowest": {"steps": 0, "value": 0.0, "unit": "steps"},
+        "highest": {"steps": 51200, "value": 51200.0, "unit": "steps"},
+        "limit_low": {"steps": -100000, "value": -100000.0, "unit": "steps"},
+        "limit_high": {"steps": 100000, "value": 100000.0, "unit": "steps"},
+        "within": True,
+    },
+    "assumed": [],
+    "writes": [
+        {
+            "index": "0x6081",
+            "sub": 0,
+            "name": "Profile velocity",
+            "axis": 0,
+            "old": None,
+            "new": 51200,
+            "unit": "steps/s",
+        }
+    ],
 }
 OPERATION: Example = {
     "id": "6f1c2a7b9d3e4f506f1c2a7b9d3e4f50",

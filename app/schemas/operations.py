@@ -113,6 +113,14 @@ class OperationReply(Reply):
     axes: list[OperationAxis] = Field(description="Every axis that takes part.")
     state: OperationState
     progress: float | None = Field(description="0 to 1, where it can be told.")
+    predicted_s: float | None = Field(
+        default=None,
+        description="How long it should take, without what it waits for; of a homing the longest. None while "
+        "that isn't known.",
+    )
+    predicted_peak_velocity: Quantity | None = Field(
+        default=None, description="The highest speed on the way."
+    )
     request: dict[str, Any] = Field(
         description="What was asked; for a target or a velocity also the steps that are commanded, the same "
         "in the unit that was asked in, and `rounded_by`: what is commanded less what was asked."

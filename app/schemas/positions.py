@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 
 from app.schemas import examples
 from app.schemas.axes import MoveBody
-from app.schemas.common import Number, Quantity, Rate, Reply, Request, Unit
+from app.schemas.common import Number, OnBusyChoice, Quantity, Rate, Reply, Request, Unit
 
 NAME = r"^[A-Za-z0-9](?:[A-Za-z0-9 ._-]{0,62}[A-Za-z0-9])?$"
 """Letters, digits, and within it blanks, points, hyphens and underscores; at most 64 of them."""
@@ -74,6 +74,7 @@ class GoBody(Request):
     velocity: Rate = Field(default=None, description="`unit`/s")
     acceleration: Rate = Field(default=None, description="`unit`/s2")
     deceleration: Rate = Field(default=None, description="`unit`/s2")
+    on_busy: OnBusyChoice = "reject"
 
     @model_validator(mode="after")
     def _check(self) -> Self:

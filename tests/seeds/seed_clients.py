@@ -14,6 +14,7 @@ from drivers.cia301.objects import Address
 from drivers.cia402 import objects
 from drivers.errors import CanaxisError
 from drivers.master import Axis, HomeRequest, Motion, MoveRequest, StopOutcome, VelocityRequest
+from drivers.master.requests import OnBusy
 
 MODEL = "TMCM-3216"
 
@@ -79,15 +80,22 @@ class Client:
             velocity=self._rng.choice((None, 8_000, HIGHEST_SPEED)),
             acceleration=acceleration,
         )
-        await self._follow(axis, axis.move_to(request))
+        on_busy = self._on_busy()
+        await self._follow(axis, axis.move_to(request, on_busy=on_busy))
 
     async def _velocity(self, axis: Axis) -> None:
         velocity = self._rng.choice((-HIGHEST_SPEED, -300, 0, 5_000, HIGHEST_SPEED))
-        await self._follow(axis, axis.run_at(VelocityRequest(velocity, self._rng.choice((None, 90_000)))))
+        acceleration = self._rng.choice((None, 90_000))
+        end = self._rng.choice(({}, {}, {"duration_s": 0.7}, {"travel": 4_321}, {"held": True}))
+        request = VelocityRequest(velocity, acceleration, **(end if velocity else {}))
+        await self._follow(axis, axis.run_at(request, on_busy=self._on_busy()))
 
     async def _home(self, axis: Axis) -> None:
         request = HomeRequest(method=self._rng.choice((35, 35, 17, 19)), fast=HIGHEST_SPEED, timeout_s=8.0)
-        await self._follow(axis, axis.home(request))
+        await self._follow(axis, axis.home(request, on_busy=self._on_busy()))
+
+    def _on_busy(self) -> OnBusy:
+        return self._rng.choice((OnBusy.REJECT, OnBusy.REJECT, OnBusy.REPLACE, OnBusy.QUEUE, OnBusy.QUEUE))
 
     async def _follow(self, axis: Axis, motion: Motion) -> None:
         self._world.invariants.commanded(axis, motion)
@@ -100,8 +108,9 @@ class Client:
             motion = self._rng.choice(self._motions[-3:])
             book = self._world.invariants.books[motion.axis]
             ended, commands = motion.done, book.commands
+            waits = motion in motion.axis.queued and not motion.axis.making_way
             await motion.cancel()
-            if not ended:
+            if not ended and not waits:
                 self._world.invariants.acknowledged(motion.axis, "a cancellation", commands)
 
     # --- power and stops

@@ -64,6 +64,8 @@ class Book:
     """Clients that wait for an enabling."""
     ended_at: float = 0.0
     enable_ended_at: float = 0.0
+    waiting: list[Motion] = field(default_factory=list)
+    """Motions that were accepted and are not begun."""
     open: list[tuple[Motion, float, int | None]] = field(default_factory=list)
     """Motions that run, when they must have ended, and where a move must end."""
     homed: bool = False
@@ -118,11 +120,20 @@ class Invariants:
         book.commands += 1
         request = motion.request
         book.may_turn = f"{motion.kind} {request}"
-        goal: int | None = None
-        if isinstance(request, MoveRequest):
-            goal = request.target + (self.position(book) if request.relative else 0)
         if motion.kind is MotionKind.HOME:
             book.homed = True
+        if motion in axis.queued:
+            book.waiting.append(motion)
+        else:
+            self._begun(book, motion)
+
+    def _begun(self, book: Book, motion: Motion) -> None:
+        """Its turn has come: a relative move begins from here."""
+        request = motion.request
+        move = request.as_move if isinstance(request, VelocityRequest) else request
+        goal: int | None = None
+        if isinstance(move, MoveRequest):
+            goal = move.target + (self.position(book) if move.relative else 0)
         bound = self._bound(motion, 0 if goal is None else goal - self.position(book))
         book.open.append((motion, self._now + bound, goal))
 
@@ -228,6 +239,8 @@ class Invariants:
             self._look_at_motor(book)
             if book.sim.state is not book.state:
                 self._look_at_state(book)
+            if book.waiting:
+                self._look_at_line(book)
             if book.open:
                 self._look_at_motions(book)
             if book.axis.status is not book.status:
@@ -252,6 +265,7 @@ class Invariants:
         if (
             book.may_turn
             and not book.open
+            and not book.waiting
             and book.axis.errand is None
             and self._now > book.ended_at + AFTERMATH
         ):
@@ -273,6 +287,18 @@ class Invariants:
         book.state = state
         if state is PowerState.OPERATION_ENABLED and not book.may_enable:
             self.violated(f"{book.name}: the axis was enabled though nobody asked for it")
+
+    def _look_at_line(self, book: Book) -> None:
+        """What waits is begun in its order, or ended without being begun; never forgotten."""
+        for motion in tuple(book.waiting):
+            if motion in book.axis.queued:
+                if book.axis.errand is None and not self._world.loop.stalled:
+                    self.violated(f"{book.name}: {motion.kind} {motion.request} waits for nothing")
+                continue
+            if motion is not book.waiting[0] and book.axis.motion is motion:
+                self.violated(f"{book.name}: {motion.kind} {motion.request} was begun before its turn")
+            book.waiting.remove(motion)
+            self._begun(book, motion)
 
     def _look_at_motions(self, book: Book) -> None:
         for entry in tuple(book.open):
@@ -307,20 +333,22 @@ class Invariants:
             case MotionKind.MOVE:
                 if book.turns or self.position(book) != goal:
                     self.violated(f"{book.name}: a move to {goal} succeeded at {self.position(book)}")
-                if book.commands and not book.open:
+                if book.commands and not book.open and not book.waiting:
                     book.may_turn = ""
             case MotionKind.HOME:
                 if book.turns or self.position(book) != book.axis.config.home_offset:
                     self.violated(f"{book.name}: a homing succeeded at {self.position(book)}")
-                if not book.open:
+                if not book.open and not book.waiting:
                     book.may_turn = ""
             case MotionKind.VELOCITY:
+                if goal is not None and self.position(book) != goal:
+                    self.violated(f"{book.name}: a travel to {goal} succeeded at {self.position(book)}")
                 self._look_at_result(book, motion.result or {})
             case _:
                 pass
 
     def _look_at_result(self, book: Book, result: Result) -> None:
-        if not result.get("turning") and not book.open:
+        if not result.get("turning") and not book.open and not book.waiting:
             if book.turns:
                 self.violated(f"{book.name}: a velocity of 0 was reached while the motor turns")
             book.may_turn = ""
@@ -401,4 +429,7 @@ class Invariants:
                 lasts = request.timeout_s or predict_home(config, request).duration_s
             case VelocityRequest():
                 lasts = 2 * HIGHEST_SPEED / (request.acceleration or config.acceleration)
+                lasts += (request.duration_s or 0) + (request.travel or 0) / max(1, abs(request.velocity))
+                if request.held:
+                    return 3600.0  # until somebody ends it
         return before + timing.handshake + lasts * timing.motion_factor + timing.motion_margin + timing.stuck

@@ -65,11 +65,11 @@ def test_an_abort_carries_where_and_why() -> None:
 
 
 def test_obstacles_are_listed_and_the_hint_is_their_remedies() -> None:
-    obstacle = errors.Obstacle("not_enabled", "It is off.", "Enable the axis.")
-    body = of_driver_error(errors.NotReady("no", obstacles=(obstacle,))).body
-    assert body["obstacles"] == [
-        {"code": "not_enabled", "message": "It is off.", "remedy": "Enable the axis."}
-    ]
+    obstacle = errors.Obstacle("not_enabled", "It is off.", "Enable the axis.", errors.Remedy.ENABLE)
+    body = of_driver_error(errors.NotReady("no", obstacles=(obstacle,), node=3, axis=1)).body
+    action = {"method": "POST", "path": "/api/v1/nodes/3/axes/1/enable", "body": {}}
+    told = {"code": "not_enabled", "message": "It is off.", "remedy": "Enable the axis.", "action": action}
+    assert body["obstacles"] == [told]
     assert body["hint"] == "Enable the axis."
 
 
