@@ -13,7 +13,16 @@ from collections.abc import Mapping
 from fractions import Fraction
 from typing import Annotated, Any, Literal, Self, cast
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainSerializer, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    PlainSerializer,
+    model_validator,
+)
+from pydantic_core import CoreSchema
 
 from drivers.errors import BadValue
 from drivers.master.config import AxisConfig
@@ -57,6 +66,18 @@ class Measure(BaseModel):
             return {"value": _number(found[1]), "unit": found[2]}
         return given
 
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> dict[str, Any]:
+        """All that is read; what is shown is always the object."""
+        with_unit = handler(schema)
+        return {
+            "title": "Measure",
+            "description": "A number with its unit; alone (in a file only) it is in the axis's own.",
+            "anyOf": [with_unit, {"type": "string", "examples": ["12.5 mm/s"]}, {"type": "number"}],
+        }
+
     def __str__(self) -> str:
         return f"{self.value}" if self.unit is None else f"{self.value} {self.unit}"
 
@@ -96,31 +117,84 @@ Gear = Annotated[
     PlainSerializer(write_gear, return_type=str),
 ]
 
-POSITION, VELOCITY, ACCELERATION = "", "/s", "/s2"
-Dimension = Literal["", "/s", "/s2"]
-"""What follows the unit of length or angle."""
+POSITION, VELOCITY, ACCELERATION, TIME, CURRENT = "", "/s", "/s2", "ms", "%"
+Dimension = Literal["", "/s", "/s2", "ms", "%"]
+"""What follows the axis's unit; or a unit of its own."""
 DIMENSIONS: Mapping[str, Dimension] = {
     "velocity": VELOCITY,
     "acceleration": ACCELERATION,
     "deceleration": ACCELERATION,
+    "max_velocity": VELOCITY,
+    "max_acceleration": ACCELERATION,
     "quick_stop_deceleration": ACCELERATION,
     "start_velocity": VELOCITY,
     "end_velocity": VELOCITY,
+    "ramp_a1": ACCELERATION,
+    "ramp_v1": VELOCITY,
+    "ramp_d1": ACCELERATION,
+    "ramp_a2": ACCELERATION,
+    "ramp_v2": VELOCITY,
+    "ramp_d2": ACCELERATION,
+    "ramp_wait": TIME,
     "homing_fast": VELOCITY,
     "homing_slow": VELOCITY,
     "homing_acceleration": ACCELERATION,
     "home_offset": POSITION,
     "position_tolerance": POSITION,
+    "position_window": POSITION,
+    "position_window_time": TIME,
+    "following_error_window": POSITION,
+    "run_current": CURRENT,
+    "standby_current": CURRENT,
+    "standby_delay": TIME,
+    "brake_apply_current": CURRENT,
+    "brake_release_current": CURRENT,
+    "brake_apply_delay": TIME,
+    "brake_release_delay": TIME,
+    "enable_delay": TIME,
 }
-"""The settings that are one length, speed or acceleration."""
-_MAY_BE_NOTHING = frozenset({"start_velocity", "end_velocity", "position_tolerance"})
+"""The settings that are one number with a unit."""
+_ABOVE_NOTHING = frozenset(
+    {
+        *("velocity", "acceleration", "deceleration", "quick_stop_deceleration"),
+        *("max_velocity", "max_acceleration", "homing_fast", "homing_slow", "homing_acceleration"),
+    }
+)
 _GEARING = ("full_steps", "microsteps", "gear", "pitch", "direction")
+_PLAIN = (
+    *("homing_method", "switch_parameters", "require_homing", "encoder", "encoder_resolution"),
+    *("encoder_null_polarity", "encoder_direction", "encoder_initialize"),
+)
+"""The settings that are the same in the configuration."""
+_TIMES: Mapping[str, Fraction] = {"ms": Fraction(1000), "s": Fraction(1_000_000), "us": Fraction(1)}
+"""Microseconds in each unit of time."""
+_TICKS: Mapping[str, int] = {"ramp_wait": 32, "standby_delay": 10_000}
+"""Microseconds of one in the object, where it isn't a millisecond."""
+_CURRENTS: Mapping[str, Fraction] = {"%": Fraction(255, 100), "1/255": Fraction(1)}
+"""255ths of the full current in each unit of current."""
 
 
-class AxisSettings(Section):
-    """One axis; what is left out keeps the driver's default, which is given in steps."""
+def units_of(key: str, axis: AxisConfig) -> dict[str, Fraction]:
+    """What the setting's object counts, in one of each unit that the setting may be given in."""
+    dimension = DIMENSIONS[key]
+    if dimension == CURRENT:
+        return dict(_CURRENTS)
+    if dimension == TIME:
+        return {unit: size / _TICKS.get(key, 1000) for unit, size in _TIMES.items()}
+    return {unit + dimension: size for unit, size in axis.units.items()}
 
-    name: Name
+
+def unit_of(key: str, unit: str) -> str:
+    """The unit of a number that stands alone, on an axis with this unit."""
+    dimension = DIMENSIONS[key]
+    return dimension if dimension in (TIME, CURRENT) else unit + dimension
+
+
+class AxisValues(Section):
+    """What can be set of an axis; what is left out keeps the driver's default, which is given in steps."""
+
+    model_config = ConfigDict(strict=True)
+
     unit: str = Field(default=STEPS, pattern=r"^[A-Za-z°µμ%][A-Za-z0-9°µμ%]{0,15}$")
     steps_per_unit: float | None = Field(
         default=None,
@@ -132,38 +206,91 @@ class AxisSettings(Section):
     gear: Gear | None = Field(default=None, description="Motor turns : output turns, e.g. 3:1.")
     pitch: Measure | None = Field(default=None, description="Length of an output turn, e.g. 5 mm.")
     direction: int | None = Field(default=None, description="-1 turns the axis around; else 1.")
-    velocity: Measure | None = Field(default=None, description="unit/s")
-    acceleration: Measure | None = Field(default=None, description="unit/s2")
-    deceleration: Measure | None = Field(default=None, description="unit/s2")
-    quick_stop_deceleration: Measure | None = Field(default=None, description="unit/s2")
-    start_velocity: Measure | None = Field(default=None, description="unit/s")
-    end_velocity: Measure | None = Field(default=None, description="unit/s")
-    homing_method: int | None = Field(default=None, ge=-128, le=127)
-    homing_fast: Measure | None = Field(default=None, description="unit/s")
-    homing_slow: Measure | None = Field(default=None, description="unit/s")
-    homing_acceleration: Measure | None = Field(default=None, description="unit/s2")
-    soft_limits: tuple[Measure, Measure] | None = Field(default=None, description="unit; lower, upper")
-    home_offset: Measure | None = Field(default=None, description="unit")
-    position_tolerance: Measure | None = Field(default=None, description="unit; only with an encoder")
-    switch_parameters: int | None = Field(default=None, ge=0, le=63, description="Object 2005h.")
-    require_homing: bool | None = None
+    velocity: Measure | None = Field(default=None, description="Of a move that names none; unit/s, 6081h.")
+    acceleration: Measure | None = Field(default=None, description="unit/s2, 6083h.")
+    deceleration: Measure | None = Field(default=None, description="unit/s2, 6084h.")
+    max_velocity: Measure | None = Field(default=None, description="A command above it is refused; unit/s.")
+    max_acceleration: Measure | None = Field(
+        default=None,
+        description="A command whose acceleration or deceleration is above it is refused; unit/s2.",
+    )
+    quick_stop_deceleration: Measure | None = Field(default=None, description="unit/s2, 6085h.")
+    start_velocity: Measure | None = Field(default=None, description="VSTART; unit/s, 2010h.")
+    end_velocity: Measure | None = Field(
+        default=None, description="VSTOP, at least 10 steps/s and at least VSTART; unit/s, 6082h."
+    )
+    ramp_a1: Measure | None = Field(default=None, description="A1, up to V1; unit/s2, 2011h.")
+    ramp_v1: Measure | None = Field(
+        default=None, description="V1, at most V2; both 0: a trapezoid; unit/s, 2012h."
+    )
+    ramp_d1: Measure | None = Field(
+        default=None, description="D1, below V1, never 0; unit/s2, 2013h; else the deceleration."
+    )
+    ramp_a2: Measure | None = Field(default=None, description="A2, from V1 to V2; unit/s2, 2016h.")
+    ramp_v2: Measure | None = Field(default=None, description="V2; unit/s, 2017h.")
+    ramp_d2: Measure | None = Field(
+        default=None, description="D2, from V2 to V1, never 0; unit/s2, 2018h; else the deceleration."
+    )
+    ramp_wait: Measure | None = Field(default=None, description="Rest before the next ramp; ms, 2015h.")
+    homing_method: int | None = Field(default=None, ge=-128, le=127, description="6098h.")
+    homing_fast: Measure | None = Field(default=None, description="unit/s, 6099h:1.")
+    homing_slow: Measure | None = Field(default=None, description="unit/s, 6099h:2.")
+    homing_acceleration: Measure | None = Field(default=None, description="unit/s2, 609Ah.")
+    soft_limits: Annotated[list[Measure], Field(min_length=2, max_length=2)] | None = Field(
+        default=None, description="Lowest and highest target from machine home; unit, 607Dh."
+    )
+    home_offset: Measure | None = Field(default=None, description="unit, 607Ch.")
+    position_tolerance: Measure | None = Field(
+        default=None, description="How far from its target a finished move may read; unit; with an encoder."
+    )
+    position_window: Measure | None = Field(default=None, description="unit, 6067h.")
+    position_window_time: Measure | None = Field(default=None, description="ms, 6068h.")
+    following_error_window: Measure | None = Field(default=None, description="unit, 6065h; 0: never.")
+    run_current: Measure | None = Field(default=None, description="% of the full current, 2003h.")
+    standby_current: Measure | None = Field(default=None, description="% of the full current, 2004h.")
+    standby_delay: Measure | None = Field(default=None, description="ms in steps of 10, 2089h.")
+    encoder: bool | None = Field(default=None, description="Whether positions come from it, 606Ah.")
+    encoder_resolution: int | None = Field(default=None, description="Increments of a turn, 608Fh:1.")
+    encoder_null_polarity: int | None = Field(default=None, description="0 or 1, 200Bh:1.")
+    encoder_direction: int | None = Field(default=None, description="1: opposite to the motor, 200Bh:2.")
+    encoder_initialize: int | None = Field(default=None, description="1: positions begin with it, 200Bh:3.")
+    brake_apply_current: Measure | None = Field(default=None, description="% of the full, 200Ch:1.")
+    brake_release_current: Measure | None = Field(default=None, description="% of the full, 200Ch:2.")
+    brake_apply_delay: Measure | None = Field(default=None, description="ms, 2002h:1.")
+    brake_release_delay: Measure | None = Field(default=None, description="ms, 2002h:2.")
+    enable_delay: Measure | None = Field(default=None, description="ms, 200Ah.")
+    switch_parameters: int | None = Field(default=None, ge=0, le=63, description="Bits of 2005h.")
+    require_homing: bool | None = Field(
+        default=None, description="Whether absolute moves are refused until the axis was homed."
+    )
 
     @model_validator(mode="after")
-    def _check(self) -> Self:
+    def _check_signs(self) -> Self:
+        for key in DIMENSIONS:
+            measure = cast("Measure | None", getattr(self, key))
+            if measure is None or key == "home_offset":
+                continue
+            if measure.value < 0 or (measure.value == 0 and key in _ABOVE_NOTHING):
+                raise ValueError(f"{key} must be {'above' if key in _ABOVE_NOTHING else 'at least'} 0")
+        return self
+
+
+class AxisSettings(AxisValues):
+    """One axis, all of it."""
+
+    name: Name
+
+    @model_validator(mode="after")
+    def _check_units(self) -> Self:
         geared = [key for key in _GEARING if getattr(self, key) is not None]
         if self.steps_per_unit is not None and geared:
             raise ValueError(f"steps_per_unit must be left out where {geared[0]} is given")
         if self.steps_per_unit == 0:
             raise ValueError("steps_per_unit must not be 0")
+        if self.unit != STEPS and self.steps_per_unit is None and not geared:
+            raise ValueError(f"the unit {self.unit} needs steps_per_unit, or a gearing (pitch, gear ...)")
         if self.unit == STEPS and self.steps_per_unit not in (None, 1.0):
             raise ValueError("steps_per_unit must be 1 where the unit is steps; name the unit, e.g. mm")
-        for key in DIMENSIONS:
-            measure = cast("Measure | None", getattr(self, key))
-            if measure is None or key == "home_offset":
-                continue
-            if measure.value < 0 or (measure.value == 0 and key not in _MAY_BE_NOTHING):
-                at_least = "at least" if key in _MAY_BE_NOTHING else "above"
-                raise ValueError(f"{key} must be {at_least} 0")
         return self
 
     @property
@@ -184,19 +311,15 @@ class AxisSettings(Section):
         """The same in steps. Raises `SettingsError` for a number that is none of steps, `BadValue`."""
         units = AxisConfig(self.name, self.unit, self._per_unit, self.gearing)
         values: dict[str, Any] = {}
-        for key, dimension in DIMENSIONS.items():
+        for key in DIMENSIONS:
             measure = cast("Measure | None", getattr(self, key))
             if measure is None:
                 continue
-            steps = self._steps(key, measure, units, dimension)
-            if key == "position_tolerance":
+            steps = self._steps(key, measure, units_of(key, units), unit_of(key, self.unit))
+            if key != "home_offset":
                 steps = abs(steps)
-            elif key != "home_offset":
-                steps = max(1, abs(steps)) if measure.value else 0
-            values[key] = steps
-        for key in ("homing_method", "switch_parameters", "require_homing"):
-            if (value := getattr(self, key)) is not None:
-                values[key] = value
+            values[key] = max(1, steps) if key in _ABOVE_NOTHING else steps
+        values |= {key: value for key in _PLAIN if (value := getattr(self, key)) is not None}
         if self.soft_limits is not None:
             values["soft_limits"] = self._limits(self.soft_limits, units)
         return AxisConfig(self.name, self.unit, self._per_unit, self.gearing, **values)
@@ -205,22 +328,45 @@ class AxisSettings(Section):
     def _per_unit(self) -> float:
         return 1 if self.steps_per_unit is None else self.steps_per_unit
 
-    def _limits(self, given: tuple[Measure, Measure], units: AxisConfig) -> tuple[int, int]:
-        lower, upper = (self._steps("soft_limits", limit, units, POSITION) for limit in given)
-        return (upper, lower) if units.steps_per_unit < 0 else (lower, upper)
+    def _limits(self, given: list[Measure], axis: AxisConfig) -> tuple[int, int]:
+        lower, upper = (self._steps("soft_limits", limit, axis.units, self.unit) for limit in given)
+        return (upper, lower) if axis.steps_per_unit < 0 else (lower, upper)
 
-    def _steps(self, key: str, measure: Measure, axis: AxisConfig, dimension: Dimension) -> int:
-        unit = axis.unit + dimension if measure.unit is None else measure.unit
-        per_unit = axis.units.get(unit.removesuffix(dimension)) if unit.endswith(dimension) else None
-        if per_unit is None:
-            known = ", ".join(name + dimension for name in axis.units)
+    def _steps(self, key: str, measure: Measure, units: Mapping[str, Fraction], alone: str) -> int:
+        unit = alone if measure.unit is None else measure.unit
+        size = units.get(unit)
+        if size is None:
             raise SettingsError(
-                f"axis {self.name}: {key}: {unit!r} is none of its units, which are {known} here"
+                f"axis {self.name}: {key}: {unit!r} is none of its units, which are {', '.join(units)} here"
             )
-        steps = exact(measure.value) * per_unit
-        if abs(steps) >= _BEYOND:
+        counted = exact(measure.value) * size
+        if abs(counted) >= _BEYOND:
             raise SettingsError(f"axis {self.name}: {key}: {measure} is no number of steps")
-        return round(steps)
+        return round(counted)
+
+    def explicit(self) -> dict[str, Any]:
+        """What is set, as JSON, every number with its unit."""
+        given = self.model_dump(mode="json", exclude={"name"}, exclude_none=True)
+        measures: list[tuple[str, dict[str, Any]]] = [(k, v) for k, v in given.items() if k in DIMENSIONS]
+        measures += [("home_offset", limit) for limit in given.get("soft_limits", ())]
+        for key, measure in measures:
+            measure.setdefault("unit", unit_of(key, self.unit))
+        if "pitch" in given:
+            given["pitch"].setdefault("unit", self.unit)
+        return given
+
+    def written(self) -> dict[str, Any]:
+        """As it stands in a settings file: every number with its unit, as ``12.5 mm/s``."""
+        return {"name": self.name} | {key: _written(value) for key, value in self.explicit().items()}
+
+
+def _written(value: object) -> object:
+    if isinstance(value, Mapping):
+        measure = cast("Mapping[str, Any]", value)
+        return str(Measure.model_validate(measure))
+    if isinstance(value, list):
+        return [_written(item) for item in cast("list[object]", value)]
+    return value
 
 
 def config_of(settings: AxisSettings) -> AxisConfig:

@@ -32,6 +32,10 @@ TAGS = [
     {"name": "service", "description": "Whether the service lives, is ready, and how it is doing."},
     {"name": "nodes", "description": "The modules on the bus."},
     {"name": "axes", "description": "The state of an axis, and bringing it to another."},
+    {
+        "name": "settings",
+        "description": "What an axis is set to: changed with read-back, kept, compared, rolled back.",
+    },
     {"name": "moves", "description": "Commands that move an axis; each is an operation."},
     {"name": "positions", "description": "Positions of an axis that have names."},
     {"name": "terminals", "description": "Digital and analog inputs and outputs of a module."},
@@ -60,6 +64,7 @@ UNFINISHED = ("transition_timeout", "motion_failed", "motion_timeout")
 NODE_REFUSALS = ("not_ready", "bad_value", "duplicate_node", "transition_timeout")
 NODE_COMMAND = (*NODE, *UNSAFE, *KEYS, *TRANSFER, *NODE_REFUSALS)
 AXIS_COMMAND = (*AXIS, *UNSAFE, *KEYS, *TRANSFER, *STATE, *UNFINISHED)
+SETTINGS_CHANGE = (*UNSAFE, *KEYS, *TRANSFER, "bad_value", "not_ready", "axis_busy", "history_off")
 MOVING = (*AXIS_COMMAND, "bad_value", "axis_queue_full")
 
 

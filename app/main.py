@@ -31,6 +31,7 @@ from app.routes import (
     terminals,
     tickets,
 )
+from app.routes import settings as settings_routes
 from app.routing import attach
 from app.security import DOCS_ASSETS, Policy, SecurityMiddleware
 from app.service import LifespanState, Service
@@ -40,6 +41,7 @@ from drivers.bus.base import Bus
 from drivers.bus.pythoncan import PythonCanBus, interfaces
 from drivers.devices.catalog import Catalog
 from drivers.errors import BadValue
+from drivers.master.axis_parameters import check_ranges
 from drivers.master.config import NetworkConfig
 from drivers.master.network import Network
 
@@ -52,6 +54,9 @@ ROUTERS = (  # in the order in which paths are tried: what is asked most comes f
     nodes.commands,
     operations.router,
     terminals.router,
+    settings_routes.axis_settings,
+    settings_routes.router,
+    settings_routes.memory,
     positions.router,
     stop.router,
     objects.router,
@@ -131,7 +136,7 @@ def _wire(settings: BusSettings) -> Bus:
 
 
 def _check_models(config: NetworkConfig, catalog: Catalog) -> None:
-    """Refuse a node that the catalog doesn't know, or with more axes than its model has."""
+    """Refuse a node that the catalog doesn't know, more axes than it has, or what its objects don't take."""
     for node in config.nodes:
         if node.model not in catalog.models:
             raise SettingsError(
@@ -139,6 +144,11 @@ def _check_models(config: NetworkConfig, catalog: Catalog) -> None:
             )
         if len(node.axes) > (most := catalog.profile(node.model).axes):
             raise SettingsError(f"nodes: {node.name}: a {node.model} has {most} axes, not {len(node.axes)}")
+        for number, axis in enumerate(node.axes):
+            try:
+                check_ranges(axis, catalog.profile(node.model), number)
+            except BadValue as error:
+                raise SettingsError(f"nodes: {node.name}: {error.message}") from error
 
 
 def _openapi_once(app: FastAPI) -> dict[str, object]:

@@ -35,6 +35,7 @@ _ROWS = (
     # What the service itself says.
     ("unknown_path", 404, "No such resource", "Look the paths up at /docs."),
     ("unknown_operation", 404, "No such operation", "Operations are forgotten some time after they ended."),
+    ("unknown_revision", 404, "No such revision", "List them with GET /api/v1/settings/revisions."),
     ("unknown_problem", 404, "No such problem type", "The types are listed in the API's documentation."),
     ("method_not_allowed", 405, "Method not allowed", "The Allow header says what this path takes."),
     ("unauthorized", 401, "Token missing or wrong", "Send the header Authorization: Bearer with the token."),
@@ -57,6 +58,18 @@ _ROWS = (
     ("body_too_large", 413, "Body too large", "No request to this service needs more than 64 KiB."),
     ("json_required", 415, "JSON content type required", "Send Content-Type: application/json, body or not."),
     ("misdirected", 421, "Unknown Host", "Use the service's own address, or add it to server.allowed_hosts."),
+    (
+        "precondition_required",
+        428,
+        "If-Match required",
+        "GET the settings, then send their ETag in If-Match, so that nobody's change is lost.",
+    ),
+    (
+        "precondition_failed",
+        412,
+        "Settings changed meanwhile",
+        "GET the settings anew, look at what changed, then send your change with the new ETag.",
+    ),
     (
         "bad_request",
         422,
@@ -209,6 +222,10 @@ def of_driver_error(error: errors.CanaxisError) -> ProblemReply:
         extra["obstacles"] = [remedies.obstacle(o, error.node, error.axis) for o in error.obstacles]
     if isinstance(error, errors.SdoError):
         extra["outcome"] = error.outcome.value
+    if isinstance(error, errors.RulesBroken):
+        extra["errors"] = [
+            {"field": rule.field, "message": rule.message, "rule": rule.rule} for rule in error.rules
+        ]
     if isinstance(error, errors.SdoAborted):
         extra["abort_code"] = f"0x{error.abort_code:08X}"
         extra["abort_meaning"] = error.meaning

@@ -55,6 +55,12 @@ COMMANDS: tuple[tuple[str, str, Role], ...] = (
     ("DELETE", f"{_AXIS}/positions/{{name}}", Role.MOVE),
     ("POST", f"{API}/nodes/{{node}}/outputs/{{output}}", Role.MOVE),  # whatever hangs on it may move
     ("POST", f"{API}/nodes/{{node}}/waits", Role.MOVE),
+    ("PATCH", f"{_AXIS}/settings", Role.CONFIGURE),
+    ("POST", f"{API}/settings/diff", Role.READ),  # reads only
+    ("POST", f"{API}/settings/apply", Role.CONFIGURE),
+    ("POST", f"{API}/settings/rollback", Role.CONFIGURE),
+    ("POST", f"{API}/nodes/{{node}}/store", Role.CONFIGURE),
+    ("POST", f"{API}/nodes/{{node}}/restore-defaults", Role.CONFIGURE),
     ("PUT", f"{API}/nodes/{{node}}/objects/{{index}}/{{sub}}", Role.CONFIGURE),
 )
 """Every command of the API with the least role that may give it. What is missing here needs CONFIGURE."""

@@ -21,6 +21,7 @@ from app.positions import Positions
 from app.problems import ApiError
 from app.restart import note_what_is_found
 from app.settings import Settings
+from app.settings_book import SettingsBook
 from app.store.database import Database
 from app.streams import Streams
 from app.tickets import Tickets
@@ -54,6 +55,7 @@ class Service:
             keep_days=settings.store.keep_days,
             keep_number=settings.store.keep_operations,
         )
+        self.book = SettingsBook(settings, network, self.store)
         self.meant = Meant()
         """Where moves were meant to end, so that rounding doesn't add up."""
         self.positions = Positions(self.store)
@@ -75,6 +77,7 @@ class Service:
     async def open(self) -> None:
         """Open store and network; without a bus, go on and try again in the background."""
         await self.store.open()
+        await self.book.open()
         self.audit.open()
         if interrupted := await self.operations.take_over():
             log.warning("operations were under way when the service ended", count=len(interrupted))

@@ -118,6 +118,7 @@ class FieldError(Reply):
 
     field: str = Field(description="Name of the field or parameter.", examples=["target"])
     message: str = Field(examples=["must be a number"])
+    rule: str | None = Field(default=None, description="Stable name of the rule that a setting breaks.")
 
 
 class Problem(Reply):

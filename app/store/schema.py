@@ -48,5 +48,19 @@ CREATE TABLE positions (
 """
 """Named positions; `taught` is seconds since 1970."""
 
-MIGRATIONS: tuple[str, ...] = (OPERATIONS, KEYS, POSITIONS)
+SETTINGS = """
+CREATE TABLE settings (
+    revision INTEGER PRIMARY KEY,
+    created REAL NOT NULL,
+    who TEXT NOT NULL,
+    address TEXT NOT NULL,
+    what TEXT NOT NULL,
+    document TEXT NOT NULL
+);
+"""
+"""Revisions of what was set at run time; `document` is all of it (JSON): for each axis what goes over the
+settings file.
+"""
+
+MIGRATIONS: tuple[str, ...] = (OPERATIONS, KEYS, POSITIONS, SETTINGS)
 """The schema's version is how many of them were applied (PRAGMA user_version)."""
