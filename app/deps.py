@@ -10,7 +10,9 @@ from typing import Annotated
 from fastapi import Depends, Header, Path, Query, Request
 
 from app.keys import Claim
+from app.leases import LEASE
 from app.problems import ApiError
+from app.roles import needs_lease
 from app.schemas.common import NoBody
 from app.schemas.operations import Asker
 from app.service import Service
@@ -50,28 +52,45 @@ AxisRef = Annotated[
 ]
 
 
-def _reference(text: str) -> int | str:
-    return int(text) if text.isascii() and text.isdecimal() else text
+def reference(given: int | str) -> int | str:
+    """What a node or an axis is called: digits are its number, also as text."""
+    return int(given) if isinstance(given, str) and given.isascii() and given.isdecimal() else given
 
 
 def find_axis(service: Service, node: str, axis: str) -> Axis:
     """The axis that a path names. Raises `UnknownNode`, `UnknownAxis`."""
-    return service.network.node(_reference(node)).axis(_reference(axis))
+    return service.network.node(reference(node)).axis(reference(axis))
 
 
 async def get_node(request: Request, node: NodeRef) -> Node:
-    """The node that the path names. Raises `UnknownNode`."""
+    """The node that the path names; for a command, none of its axes may be somebody else's.
+
+    Raises `UnknownNode`, `ApiError` (423).
+    """
     service: Service = request.state.service
-    return service.network.node(_reference(node))
+    found = service.network.node(reference(node))
+    if _is_command(request):
+        service.leases.check(found.axes, request.headers.get(LEASE))
+    return found
+
+
+def _is_command(request: Request) -> bool:
+    return needs_lease(request.method, request.scope["route"].path)
 
 
 NodeDep = Annotated[Node, Depends(get_node)]
 
 
 async def get_axis(request: Request, node: NodeRef, axis: AxisRef) -> Axis:
-    """The axis that the path names. Raises `UnknownNode`, `UnknownAxis`."""
+    """The axis that the path names; for a command, it may not be somebody else's.
+
+    Raises `UnknownNode`, `UnknownAxis`, `ApiError` (423).
+    """
     service: Service = request.state.service
-    return find_axis(service, node, axis)
+    found = find_axis(service, node, axis)
+    if _is_command(request):
+        service.leases.check((found,), request.headers.get(LEASE))
+    return found
 
 
 AxisDep = Annotated[Axis, Depends(get_axis)]
@@ -147,6 +166,20 @@ IdempotencyKey = Annotated[
 ]
 
 
+LeaseToken = Annotated[
+    str | None,
+    Header(
+        alias="Lease",
+        max_length=255,
+        description=(
+            "The token of the lease under which it is sent. Without it, an axis of a lease takes no command: "
+            "423 `leased`. With one that expired, was released or taken over: 423 `lease_lost`, even if the "
+            "axis is free."
+        ),
+    ),
+]
+
+
 @dataclass(frozen=True, slots=True)
 class CommandSource:
     """Who sent a command, and under which key."""
@@ -155,6 +188,8 @@ class CommandSource:
     address: str
     claim: Claim | None
     """The Idempotency-Key that is to be spent with it."""
+    lease: str | None
+    """The token of the lease under which it was sent."""
 
     @property
     def reply(self) -> Asker:
@@ -162,12 +197,14 @@ class CommandSource:
         return Asker(name=self.name, address=self.address)
 
 
-async def get_asker(request: Request, idempotency_key: IdempotencyKey = None) -> CommandSource:
+async def get_asker(
+    request: Request, idempotency_key: IdempotencyKey = None, lease: LeaseToken = None
+) -> CommandSource:
     """Who asks, as far as the middlewares know."""
     del idempotency_key  # documented here; what counts is the claim
     principal: Principal = request.state.principal
     address = "" if request.client is None else request.client.host
-    return CommandSource(principal.name, address, _claim(request))
+    return CommandSource(principal.name, address, _claim(request), lease)
 
 
 AskerDep = Annotated[CommandSource, Depends(get_asker)]
@@ -177,22 +214,32 @@ def _claim(request: Request) -> Claim | None:
     return getattr(request.state, "claim", None)
 
 
-async def command_headers(request: Request, idempotency_key: IdempotencyKey = None) -> None:
+async def command_headers(
+    request: Request, idempotency_key: IdempotencyKey = None, lease: LeaseToken = None
+) -> None:
     """For a command that begins no operation: its key is spent before it is carried out.
 
     One that begins an operation has its key written down with that (`Starter`), and must not have this.
     """
-    del idempotency_key  # documented here; what counts is the claim
+    del idempotency_key, lease  # documented here; what counts is the claim, and who looks for node or axis
     if (claim := _claim(request)) is not None:
         await claim.write_down()
+
+
+async def every_axis(request: Request) -> None:
+    """For a command that may concern every axis there is: none may be somebody else's.
+
+    Raises `ApiError` (423).
+    """
+    service: Service = request.state.service
+    axes = [axis for node in service.network.nodes.values() for axis in node.axes]
+    service.leases.check(axes, request.headers.get(LEASE))
 
 
 async def empty_body(body: NoBody | None = None) -> None:
     """Documents that a command without parameters takes an empty object: so clients send its content type."""
     del body
 
-
-LeaseToken = Annotated[str | None, Header(alias="Lease", max_length=255)]
 
 DryRun = Annotated[
     bool,

@@ -15,6 +15,8 @@ from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
 from app.deps import LONGEST_REFERENCE, command_headers, empty_body, find_axis, get_axis, get_service
+from app.leases import LEASE
+from app.roles import needs_lease
 from app.schemas.common import Reply
 from app.service import Service
 
@@ -38,6 +40,7 @@ class AxisRoute(APIRoute):
         if unserved := (arguments - _ARGUMENTS) | (dependencies - _DEPENDENCIES):
             raise TypeError(f"{path}: nobody would see to {unserved}")
         self._takes_service = "service" in arguments
+        self._needs_lease = any(needs_lease(method, path) for method in self.methods or ())
 
     async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a plain request; hand FastAPI what is to be parsed or refused."""
@@ -45,12 +48,19 @@ class AxisRoute(APIRoute):
             await super().handle(scope, receive, send)
             return
         service: Service = scope["state"]["service"]
-        arguments: dict[str, Any] = {"axis": find_axis(service, **scope["path_params"])}
+        axis = find_axis(service, **scope["path_params"])
+        if self._needs_lease:
+            service.leases.check((axis,), _lease_token(scope))
+        arguments: dict[str, Any] = {"axis": axis}
         if self._takes_service:
             arguments["service"] = service
         reply = await cast("Callable[..., Awaitable[Reply]]", self.endpoint)(**arguments)
         response = Response(reply.model_dump_json(by_alias=True), media_type="application/json")
         await response(scope, receive, send)
+
+
+def _lease_token(scope: Scope) -> str | None:
+    return next((value.decode("latin-1") for name, value in scope["headers"] if name == LEASE.encode()), None)
 
 
 def _is_plain(scope: Scope) -> bool:

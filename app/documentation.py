@@ -40,6 +40,7 @@ TAGS = [
     {"name": "positions", "description": "Positions of an axis that have names."},
     {"name": "terminals", "description": "Digital and analog inputs and outputs of a module."},
     {"name": "operations", "description": "Commands that take time."},
+    {"name": "leases", "description": "Exclusive control of axes, for a while."},
     {"name": "stop", "description": "Software stop for everything; latched until it is reset."},
     {"name": "objects", "description": "Raw access to the object dictionary."},
     {"name": "bus", "description": "The CAN bus."},
@@ -59,13 +60,22 @@ TRANSFER = (
     *("configuration_refused", *REACH),
 )
 KEYS = ("key_in_flight", "key_reused")
+LEASES = ("leased", "lease_lost")
 STATE = ("not_ready", "axis_busy", "stop_latched", "axis_fault")
 UNFINISHED = ("transition_timeout", "motion_failed", "motion_timeout")
 NODE_REFUSALS = ("not_ready", "bad_value", "duplicate_node", "transition_timeout")
-NODE_COMMAND = (*NODE, *UNSAFE, *KEYS, *TRANSFER, *NODE_REFUSALS)
-AXIS_COMMAND = (*AXIS, *UNSAFE, *KEYS, *TRANSFER, *STATE, *UNFINISHED)
-SETTINGS_CHANGE = (*UNSAFE, *KEYS, *TRANSFER, "bad_value", "not_ready", "axis_busy", "history_off")
+NODE_COMMAND = (*NODE, *UNSAFE, *KEYS, *LEASES, *TRANSFER, *NODE_REFUSALS)
+AXIS_COMMAND = (*AXIS, *UNSAFE, *KEYS, *LEASES, *TRANSFER, *STATE, *UNFINISHED)
+SETTINGS_CHANGE = (*UNSAFE, *KEYS, *LEASES, *TRANSFER, "bad_value", "not_ready", "axis_busy", "history_off")
 MOVING = (*AXIS_COMMAND, "bad_value", "axis_queue_full")
+
+
+RETRY_AFTER = {
+    "Retry-After": {
+        "description": "Seconds after which it is worth to try again, where waiting helps and is known to.",
+        "schema": {"type": "integer"},
+    }
+}
 
 
 def problems(*codes: str) -> Responses:
@@ -77,8 +87,10 @@ def problems(*codes: str) -> Responses:
 
 
 def _response(codes: list[str]) -> dict[str, Any]:
+    waiting = any(PROBLEM_TYPES[code].wait is not None or code == "axis_busy" for code in codes)
     return {
         "description": "; ".join(PROBLEM_TYPES[code].title for code in codes) + ".",
+        **({"headers": RETRY_AFTER} if waiting else {}),
         "content": {
             MEDIA_TYPE: {
                 "schema": {"$ref": "#/components/schemas/Problem"},
@@ -147,12 +159,14 @@ def build_openapi(app: FastAPI) -> dict[str, Any]:
 
 
 def _describe_access(paths: Mapping[str, Mapping[str, dict[str, Any]]]) -> None:
-    """Say of each operation which role it needs, and leave out the refusal that a stop never gets."""
+    """Say of each operation which role it needs, and leave out the refusals that a stop never gets."""
     for path, operations in paths.items():
         for method, operation in operations.items():
             operation["x-role"] = role_for(method.upper(), path).word
             if is_stop(path):
                 operation["responses"].pop("429", None)
+            if is_stop(path) or path.endswith("/cancel"):
+                operation["responses"].pop("423", None)
 
 
 def render(document: Mapping[str, Any]) -> str:

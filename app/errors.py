@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from datetime import UTC, datetime
 from typing import Any, cast
 
 import structlog
@@ -21,12 +21,13 @@ from app.operations import operation_path
 from app.problems import ApiError, ProblemReply
 from app.replies import problem_response
 from app.service import Service
-from drivers.errors import CanaxisError, LineFull, NotReady, SdoQueueFull
+from drivers.errors import AxisBusy, CanaxisError, LineFull, NotReady
+from drivers.master.motion import Undertaking
 
 log: structlog.stdlib.BoundLogger = structlog.get_logger("canaxis.http")
 
-RETRY_AFTER = "1"
-"""Seconds in which a node that answers empties a full queue."""
+LEAST_PROGRESS = 0.05
+"""From where on the rest of a motion can be told from what is done."""
 
 
 def install_error_handlers(app: FastAPI) -> None:
@@ -46,22 +47,31 @@ async def _driver_error(request: Request, error: Exception) -> Response:
     assert isinstance(error, CanaxisError)
     reply = problems.of_driver_error(error)
     if isinstance(error, NotReady):
-        running = _running_operation(request, error)
+        running = _running_motion(request, error)
         if running is not None:
-            reply.body["operation"] = running
+            reply.body["operation"] = operation_path(running.id)
+        if running is not None and isinstance(error, AxisBusy):
+            reply = reply._replace(retry_after=_rest(running))
     if isinstance(error, LineFull):
-        return _reply(request, reply, {"Retry-After": str(math.ceil(min(error.frees_in_s, LONGEST_WAIT)))})
-    full = isinstance(error, SdoQueueFull)
-    return _reply(request, reply, {"Retry-After": RETRY_AFTER} if full else None)
+        reply = reply._replace(retry_after=min(error.frees_in_s, LONGEST_WAIT))
+    return _reply(request, reply)
 
 
-def _running_operation(request: Request, error: NotReady) -> str | None:
-    """Where the operation is that holds the axis."""
+def _running_motion(request: Request, error: NotReady) -> Undertaking | None:
+    """What holds the axis."""
     if error.node is None or error.axis is None:
         return None
     service: Service = request.state.service
     motion = service.network.node(error.node).axis(error.axis).motion
-    return None if motion is None or motion.done else operation_path(motion.id)
+    return None if motion is None or motion.done else motion
+
+
+def _rest(motion: Undertaking) -> float | None:
+    """Seconds until a motion ends if it goes on as until now; None where that can't be told."""
+    if motion.started is None or motion.progress is None or motion.progress < LEAST_PROGRESS:
+        return None
+    passed = (datetime.now(UTC) - motion.started).total_seconds()
+    return passed / motion.progress * (1 - motion.progress)
 
 
 async def _api_error(request: Request, error: Exception) -> Response:

@@ -12,7 +12,7 @@ from drivers.master.motion import MotionState, Undertaking
 from drivers.master.status import NodeState, NodeStatus
 
 KINDS = frozenset({"bus", "emergency", "motion", "node", "stop"})
-"""All but the axes' statuses, which come with every PDO."""
+"""All but the axes' statuses, which come with every PDO, and the leases, whose keeper writes the log."""
 
 log: structlog.stdlib.BoundLogger = structlog.get_logger("canaxis.journal")
 

@@ -24,6 +24,9 @@ class ProblemType(NamedTuple):
     title: str
     explanation: str
     """What to do, for the page behind the type's URI; the hint where the error brings none."""
+    wait: float | None = None
+    """Seconds after which it is worth to try again (`Retry-After`), where waiting helps and nothing better is
+    known."""
 
     @property
     def uri(self) -> str:
@@ -83,9 +86,27 @@ _ROWS = (
         "Same command in flight",
         "Wait for the first request's answer, or ask again later.",
     ),
+    ("unknown_lease", 404, "No such lease", "List the leases with GET /api/v1/leases."),
+    (
+        "leased",
+        423,
+        "Leased to someone else",
+        "Wait as Retry-After says, ask its owner, or take a lease with force. A stop needs no lease.",
+    ),
+    (
+        "lease_lost",
+        423,
+        "Lease not held",
+        "Its axes were stopped, unless it was released. Look at them, then take a new lease.",
+    ),
     ("too_many_streams", 503, "Too many event streams", "Close a stream, or raise server.max_streams."),
     ("shutting_down", 503, "Service is shutting down", "Wait until the service runs again."),
-    ("history_off", 503, "History is off", "The store can't be read; see /readyz. Motion is not affected."),
+    (
+        "history_off",
+        503,
+        "History is off",
+        "The store can't be read; see /readyz. Motion is not affected.",
+    ),
     (
         "store_off",
         503,
@@ -169,14 +190,40 @@ _ROWS = (
     ),
 )
 
-PROBLEM_TYPES: Mapping[str, ProblemType] = {row[0]: ProblemType(*row) for row in _ROWS}
+_WAITS = {
+    "too_many_requests": 1.0,
+    "key_in_flight": 1.0,
+    "leased": 1.0,
+    "too_many_streams": 5.0,
+    "shutting_down": 5.0,
+    "history_off": 5.0,
+    "node_away": 5.0,  # it is looked for that often at least
+    "bus_error": 5.0,
+    "bus_down": 5.0,  # it is opened anew that often at least
+    "bus_overflow": 1.0,
+    "sdo_queue_full": 1.0,
+}
+"""Seconds after which it is worth to try again, for what passes by itself."""
+
+PROBLEM_TYPES: Mapping[str, ProblemType] = {
+    row[0]: ProblemType(*row, wait=_WAITS.get(row[0])) for row in _ROWS
+}
 
 
 class ApiError(Exception):
     """An error that the face itself finds; `code` is a row of the table."""
 
-    def __init__(self, code: str, detail: str, *, hint: str | None = None, **extra: Any) -> None:
+    def __init__(
+        self,
+        code: str,
+        detail: str,
+        *,
+        hint: str | None = None,
+        retry_after: float | None = None,
+        **extra: Any,
+    ) -> None:
         super().__init__(detail)
+        self.retry_after = retry_after
         self.type = PROBLEM_TYPES[code]
         self.detail = detail
         self.hint = hint
@@ -188,9 +235,13 @@ class ProblemReply(NamedTuple):
 
     status: int
     body: dict[str, Any]
+    retry_after: float | None = None
+    """Seconds after which it is worth to try again; None: waiting alone doesn't help."""
 
 
-def problem(code: str, detail: str, *, hint: str | None = None, **extra: Any) -> ProblemReply:
+def problem(
+    code: str, detail: str, *, hint: str | None = None, retry_after: float | None = None, **extra: Any
+) -> ProblemReply:
     """Build a reply from a row of the table; members of `extra` that are None are left out."""
     row = PROBLEM_TYPES[code]
     body: dict[str, Any] = {
@@ -202,12 +253,14 @@ def problem(code: str, detail: str, *, hint: str | None = None, **extra: Any) ->
         "hint": hint or row.explanation,
     }
     body.update({key: value for key, value in extra.items() if value is not None})
-    return ProblemReply(row.status, body)
+    return ProblemReply(row.status, body, row.wait if retry_after is None else retry_after)
 
 
 def of_api_error(error: ApiError) -> ProblemReply:
     """The reply for an error that the face found."""
-    return problem(error.type.code, error.detail, hint=error.hint, **error.extra)
+    return problem(
+        error.type.code, error.detail, hint=error.hint, retry_after=error.retry_after, **error.extra
+    )
 
 
 def of_driver_error(error: errors.CanaxisError) -> ProblemReply:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -15,13 +16,19 @@ from app.problems import MEDIA_TYPE, ProblemReply
 def problem_response(
     reply: ProblemReply, *, instance: str | None = None, headers: Mapping[str, str] | None = None
 ) -> Response:
-    """A response with the problem as its body; `instance` is the path that was asked for."""
+    """A response with the problem as its body; `instance` is the path that was asked for.
+
+    Says `Retry-After` where waiting helps, in whole seconds, rounded up.
+    """
     body = reply.body if instance is None else {**reply.body, "instance": instance}
+    waiting: dict[str, str] = {}
+    if reply.retry_after is not None:
+        waiting["Retry-After"] = str(max(1, math.ceil(reply.retry_after)))
     return Response(
         json.dumps(body, ensure_ascii=False, allow_nan=False).encode("utf-8", "backslashreplace"),
         status_code=reply.status,
         media_type=MEDIA_TYPE,
-        headers=dict(headers or {}),
+        headers={**waiting, **(headers or {})},
     )
 
 

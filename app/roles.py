@@ -47,6 +47,10 @@ COMMANDS: tuple[tuple[str, str, Role], ...] = (
     ("POST", f"{_AXIS}/enable", Role.MOVE),
     ("POST", f"{_AXIS}/disable", Role.MOVE),  # it takes the holding torque away
     ("POST", f"{_AXIS}/reset-fault", Role.MOVE),
+    ("POST", f"{API}/leases", Role.MOVE),  # `force` too: it is audited, and a stop needs no lease
+    ("POST", f"{API}/leases/{{id}}/renew", Role.MOVE),
+    ("POST", f"{API}/leases/{{id}}/release", Role.MOVE),
+    ("DELETE", f"{API}/leases/{{id}}", Role.MOVE),
     ("POST", f"{API}/stop/reset", Role.MOVE),  # after it, axes may move again
     ("POST", f"{API}/tickets", Role.READ),  # a ticket is never worth more than the token it was asked with
     ("POST", f"{API}/nodes/{{node}}/boot", Role.CONFIGURE),  # writes the node's parameters anew
@@ -68,6 +72,10 @@ COMMANDS: tuple[tuple[str, str, Role], ...] = (
 _PATTERNS = tuple((method, compile_path(path)[0], role) for method, path, role in COMMANDS)
 
 
+_ONLY_LOOKS = frozenset({f"{API}/nodes/{{node}}/waits"})
+"""Commands about a node or an axis that move and change nothing."""
+
+
 def role_for(method: str, path: str) -> Role:
     """The least role that a request needs."""
     if method in SAFE_METHODS:
@@ -76,6 +84,14 @@ def role_for(method: str, path: str) -> Role:
         if listed == method and pattern.match(path):
             return role
     return Role.CONFIGURE
+
+
+def needs_lease(method: str, template: str) -> bool:
+    """Whether a request to a route about a node or an axis is a command that others' leases forbid.
+
+    `template` is the route's path, not the request's: an axis may be called `stop`.
+    """
+    return method not in SAFE_METHODS and not is_stop(template) and template not in _ONLY_LOOKS
 
 
 def is_stop(path: str) -> bool:

@@ -10,7 +10,6 @@ motors too.
 from __future__ import annotations
 
 import asyncio
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from urllib.parse import parse_qsl
@@ -231,9 +230,10 @@ class SecurityMiddleware:
         if delay > 0:
             raise Refusal(
                 problem(
-                    "too_many_requests", f"More than {self.policy.requests_per_second:g} requests a second."
-                ),
-                {"Retry-After": str(math.ceil(delay))},
+                    "too_many_requests",
+                    f"More than {self.policy.requests_per_second:g} requests a second.",
+                    retry_after=delay,
+                )
             )
 
     def _principal(self, scope: Scope, head: Head, method: str) -> Principal:

@@ -15,6 +15,7 @@ from app import journal
 from app.audit import AuditTrail
 from app.jog.jogs import Jogs
 from app.keys import Keys
+from app.leasing import Leases
 from app.metrics import Metrics
 from app.operations import OperationRegister
 from app.positions import Positions
@@ -59,6 +60,7 @@ class Service:
         self.meant = Meant()
         """Where moves were meant to end, so that rounding doesn't add up."""
         self.positions = Positions(self.store)
+        self.leases = Leases(network, self.store, audit, self._spawn)
         self.streams = Streams(self, settings.server.max_streams)
         self.jogs = Jogs(self, settings.server.max_streams)
         self.metrics = Metrics(self)
@@ -85,6 +87,7 @@ class Service:
                 note_what_is_found(self.operations, self.network, interrupted), name="finder"
             )
         await self.keys.open(self.store)
+        await self.leases.open()
         self._watcher = asyncio.create_task(self._watch(), name="failure watch")
         events = self.network.events.subscribe(kinds=journal.KINDS)
         self._journal = asyncio.create_task(journal.keep_journal(events), name="journal")
@@ -101,6 +104,7 @@ class Service:
             for task in background:
                 task.cancel()
             await asyncio.gather(*background, return_exceptions=True)
+            self.leases.close()
             await self.network.close()
             remaining = [*self._tasks, *(task for task in (self._journal, self.finder) if task is not None)]
             for task in remaining:

@@ -37,15 +37,23 @@ class Starter:
     ) -> OperationReply:
         """Begin what `begin` makes of the operation's id, and wait as long as the client wants.
 
-        It is about one axis, several, or a node as such. Raises what `begin` raises; then nothing was sent,
-        and no operation is left behind.
+        It is about one axis, several, or a node as such. Raises what `begin` raises, and `ApiError` (423) if
+        an axis is somebody else's; then nothing was sent, and no operation is left behind.
         """
+        taking_part = _axes(axes)
+        check = self._service.leases.check
+        check(taking_part, self._asker.lease)
+
+        def begin_if_still_held(operation_id: str) -> Undertaking:
+            check(taking_part, self._asker.lease)  # it may have ended while the record was written
+            return begin(operation_id)
+
         operation = await self._service.command(
             self._service.operations.start(
                 kind,
-                _axes(axes),
+                taking_part,
                 asked,
-                begin,
+                begin_if_still_held,
                 node=axes if isinstance(axes, Node) else None,
                 asked_by=self._asker.reply,
                 claim=self._asker.claim,
@@ -57,6 +65,11 @@ class Starter:
         if self._wait.preferred:
             self._response.headers["Preference-Applied"] = f"wait={self._wait.seconds:g}"
         return operation.reply()
+
+    def holds(self, axis: Axis) -> bool:
+        """Whether the request is sent under the lease that an axis is in."""
+        lease = self._service.leases.of(axis)
+        return lease is not None and lease.token == self._asker.lease
 
     def preview(
         self, kind: MotionKind, axis: Axis, asked: Mapping[str, Any], request: Request, on_busy: OnBusy

@@ -175,16 +175,16 @@ class Streams:
         service = self._service
         data: dict[str, Any]
         if event.kind == "axis" and event.node is not None and event.axis is not None:
-            data = views.axis_status(service.network.node(event.node).axis(event.axis)).model_dump(
-                mode="json"
-            )
+            data = views.axis_status(
+                service.network.node(event.node).axis(event.axis), service.leases
+            ).model_dump(mode="json")
         elif event.kind == "node" and event.node is not None:
             data = views.node(service.network.node(event.node)).model_dump(mode="json")
         elif event.kind == "emergency" and isinstance(record := event.data["record"], EmergencyRecord):
             data = views.emergency(record).model_dump(mode="json", by_alias=True)
         elif event.kind == "motion" and isinstance(motion := event.data["motion"], Undertaking):
             data = service.operations.reply_for(motion).model_dump(mode="json")
-        else:  # bus, stop
+        else:  # bus, lease, stop
             data = {key: views.plain(value) for key, value in event.data.items()}
         return {**data, "time": _plain(event.time), "node": event.node, "axis": event.axis}
 

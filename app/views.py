@@ -9,7 +9,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any, cast
 
 from app import remedies
-from app.schemas.axes import ActiveEmergency, AxisStatusReply, FoundReply, Limits, ReadinessReply
+from app.schemas.axes import ActiveEmergency, AxisLease, AxisStatusReply, FoundReply, Limits, ReadinessReply
 from app.schemas.common import ObstacleReply, Quantity
 from app.schemas.nodes import (
     AxisName,
@@ -45,6 +45,7 @@ from drivers.master.terminals import AnalogLevel, DigitalLevel, Output
 from drivers.master.waiting import switches_of
 
 if TYPE_CHECKING:
+    from app.leasing import Leases
     from app.service import Service
 
 
@@ -53,8 +54,9 @@ def axis_path(axis: Axis) -> str:
     return f"/api/v1/nodes/{axis.node.node_id}/axes/{axis.number}"
 
 
-def axis_status(axis: Axis) -> AxisStatusReply:
-    """An axis as its last TPDOs left it."""
+def axis_status(axis: Axis, leases: Leases) -> AxisStatusReply:
+    """An axis as its last TPDOs left it, and who has it."""
+    lease = leases.of(axis)
     status = axis.status
     scale = Scale.of(axis.config)
     motion = axis.motion
@@ -82,6 +84,9 @@ def axis_status(axis: Axis) -> AxisStatusReply:
         ],
         operation=None if motion is None or motion.done else motion.id,
         queued=[waiting.id for waiting in axis.queued],
+        lease=None
+        if lease is None
+        else AxisLease(id=lease.id, owner=lease.owner, expires_in_s=leases.left(lease)),
         age_s=None if age is None else round(age, 4),
         stale=status.stale,
     )
@@ -344,7 +349,8 @@ def snapshot(service: Service) -> dict[str, Any]:
         "bus": bus(service).model_dump(mode="json"),
         "stop": stop(service.network.stop_latched).model_dump(mode="json"),
         "nodes": [node(n).model_dump(mode="json") for n in nodes],
-        "axes": [axis_status(a).model_dump(mode="json") for n in nodes for a in n.axes],
+        "axes": [axis_status(a, service.leases).model_dump(mode="json") for n in nodes for a in n.axes],
+        "leases": [service.leases.reply(lease).model_dump(mode="json") for lease in service.leases.all()],
         "operations": [o.reply().model_dump(mode="json") for o in service.operations.running()],
     }
 

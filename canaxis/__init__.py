@@ -18,6 +18,9 @@ from canaxis.errors import (
     GuardedObject,
     KeyInFlight,
     KeyReused,
+    Leased,
+    LeaseLost,
+    Locked,
     MotionFailed,
     MotionTimeout,
     NoAnswer,
@@ -43,11 +46,13 @@ from canaxis.errors import (
     WaitTimeout,
 )
 from canaxis.exchange import Patience
+from canaxis.lease import AsyncLease, Lease
 from canaxis.stream import Sample
 
 __all__ = [
     "AsyncAxis",
     "AsyncClient",
+    "AsyncLease",
     "AsyncNode",
     "AsyncOperation",
     "Axis",
@@ -63,6 +68,10 @@ __all__ = [
     "GuardedObject",
     "KeyInFlight",
     "KeyReused",
+    "Lease",
+    "LeaseLost",
+    "Leased",
+    "Locked",
     "MotionFailed",
     "MotionTimeout",
     "NoAnswer",

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, TypedDict
 from urllib.parse import quote
 
@@ -16,6 +16,8 @@ from canaxis.replies import (
     AxisStatuses,
     BusStatus,
     Emergencies,
+    Lease,
+    LeaseGranted,
     NodeStatus,
     NodeStatuses,
     ObjectValue,
@@ -225,3 +227,22 @@ def bus() -> Call[BusStatus]:
 def ready() -> Call[Ready]:
     """GET readyz: not ready is an answer too."""
     return asking(Request("GET", "/readyz", safe=True, accepts=frozenset({503})), Ready)
+
+
+def take_lease(
+    axes: Sequence[tuple[int | str, int | str]], ttl: float, owner: str | None, *, force: bool
+) -> Call[LeaseGranted]:
+    """POST leases."""
+    body: dict[str, Any] = {"axes": [{"node": node, "axis": axis} for node, axis in axes]}
+    body |= {"ttl_s": ttl, "force": force} | ({} if owner is None else {"owner": owner})
+    return asking(command(f"{ROOT}/leases", body), LeaseGranted)
+
+
+def renew_lease(lease: str) -> Call[Lease]:
+    """POST renew."""
+    return asking(command(f"{ROOT}/leases/{_name(lease)}/renew"), Lease)
+
+
+def release_lease(lease: str, *, stop: bool) -> Call[Lease]:
+    """POST release."""
+    return asking(command(f"{ROOT}/leases/{_name(lease)}/release", {"stop": stop}), Lease)

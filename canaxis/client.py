@@ -6,7 +6,7 @@ import contextlib
 import time
 from collections.abc import Callable, Generator
 from types import TracebackType
-from typing import TypeVar, Unpack
+from typing import TYPE_CHECKING, TypeVar, Unpack
 
 import httpx
 
@@ -27,6 +27,9 @@ from canaxis.replies import (
     StopState,
 )
 from canaxis.stream import AxisName, Following, Sample
+
+if TYPE_CHECKING:
+    from canaxis.lease import Lease
 
 T = TypeVar("T")
 TIMEOUT = 30.0
@@ -107,6 +110,20 @@ class Client:
     def reset_stop(self) -> StopState:
         """Allow motion again. Nothing moves by itself."""
         return self.run(calls.reset_stop())
+
+    def lease(
+        self, *axes: AxisName, ttl: float = 10.0, owner: str | None = None, force: bool = False
+    ) -> Lease:
+        """Exclusive control of axes, ``("stage", "x")`` and so on, for the length of a `with`.
+
+        Commands go through the lease that it gives: ``lease.node("stage").axis("x")``. It is renewed in the
+        background, expires after `ttl` seconds without that, which stops its axes, and is released at the
+        end; an exception that leaves the `with` stops them too. `force` takes over from others. Raises
+        `Leased` on entering, `LeaseLost` on the next command once it is lost.
+        """
+        from canaxis.lease import Lease
+
+        return Lease(self, axes, ttl, owner, force)
 
     def bus(self) -> BusStatus:
         """The wire, and what passed over it."""

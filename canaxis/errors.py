@@ -180,6 +180,35 @@ class KeyReused(BadValue):
     codes = ("key_reused",)
 
 
+class Locked(CanaxisError):
+    """423: somebody has exclusive control, and it isn't this client."""
+
+    status_class = 423
+
+
+class Leased(Locked):
+    """The axis is leased to someone else: `owner` has it for `expires_in_s` more seconds, if not renewed."""
+
+    codes = ("leased",)
+
+    @property
+    def owner(self) -> str:
+        """Who has it, in its own words."""
+        return str(self.problem.get("owner") or "")
+
+    @property
+    def expires_in_s(self) -> float | None:
+        """Seconds until it expires unless it is renewed."""
+        left = self.problem.get("expires_in_s")
+        return float(left) if isinstance(left, int | float) else None
+
+
+class LeaseLost(Locked):
+    """The lease under which it was sent expired, was released or taken over. Nothing was sent."""
+
+    codes = ("lease_lost",)
+
+
 class TooManyRequests(CanaxisError):
     """429: faster than the service's settings allow, for as long as the client asked again."""
 

@@ -18,6 +18,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 from app import problems, validation, views
 from app.jog.outbox import Outbox, Overflow
 from app.jog.session import Hold, JogSession
+from app.leases import LEASE
 from app.operations import operation_path
 from app.problems import ApiError, ProblemReply
 from app.rates import RateLimit
@@ -73,6 +74,7 @@ class JogSocket:
         self._axis = axis
         self._websocket = websocket
         self._asker = asker
+        self._lease = websocket.headers.get(LEASE)
         self._loop = asyncio.get_running_loop()
         self._opened = self._loop.time()
         self._silence = service.settings.server.jog_silence_ms / 1000
@@ -187,7 +189,8 @@ class JogSocket:
         self._outbox.acknowledge(ack)
 
     def _wanted(self, hold: messages.HoldMessage) -> tuple[int, int | None]:
-        """Velocity and acceleration in steps. Raises `ApiError`, `BadValue`."""
+        """Velocity and acceleration in steps. Raises `ApiError`, `BadValue`; the axis's lease is heeded."""
+        self._service.leases.check((self._axis,), self._lease)
         scale = Scale.named(hold.unit, self._axis.config)
         velocity = scale.steps("velocity", hold.velocity)
         check_velocity(velocity)
@@ -328,7 +331,7 @@ class JogSocket:
     def _hello(self, stamp: float) -> messages.HelloMessage:
         return messages.HelloMessage(
             stamp=stamp,
-            axis=views.axis_status(self._axis),
+            axis=views.axis_status(self._axis, self._service.leases),
             keep_alive_ms=round(self._silence * 1000 / HOLDS_PER_SILENCE),
             silence_ms=round(self._silence * 1000),
         )

@@ -5,7 +5,7 @@ Each answers with an operation: the motion is the service's, not the client's.
 
 from __future__ import annotations
 
-from app.deps import AxisDep, DryRun, LeaseToken
+from app.deps import AxisDep, DryRun
 from app.documentation import MOVING, Responses, operation_links, problems
 from app.going import MoveDep
 from app.problems import ApiError
@@ -97,17 +97,17 @@ async def move_axis(
 
 @router.post("/velocity", summary="Run at a speed", status_code=202, responses=PREVIEWED)
 async def run_axis(
-    body: VelocityBody, axis: AxisDep, starter: StarterDep, lease: LeaseToken = None, dry_run: DryRun = False
+    body: VelocityBody, axis: AxisDep, starter: StarterDep, dry_run: DryRun = False
 ) -> OperationReply | PreviewReply:
     """Run at a speed until something else is commanded, or to at most one of three ends. 0 ramps down.
 
     Without an end it succeeds when the speed is reached. With `duration_s` or `travel` it lives until
     standstill; with `lease` until it is stopped, by the end of the lease at the latest.
     """
-    if body.lease and lease is None:
+    if body.lease and not starter.holds(axis):
         raise ApiError(
             "bad_value",
-            "lease: the request is sent under no lease.",
+            "lease: the request is sent under no lease of this axis.",
             hint="Send the header Lease, or another end.",
         )
     scale = Scale.named(body.unit, axis.config)

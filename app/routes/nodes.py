@@ -5,7 +5,7 @@ from __future__ import annotations
 from fastapi import Depends
 
 from app import views
-from app.deps import NodeDep, ServiceDep, command_headers, empty_body
+from app.deps import LeaseToken, NodeDep, ServiceDep, command_headers, empty_body
 from app.documentation import NODE, NODE_COMMAND, problems
 from app.roles import API
 from app.routing import Router
@@ -50,12 +50,15 @@ async def boot(node: NodeDep, service: ServiceDep) -> NodeReply:
 
 
 @commands.post("/verify-failsafe", summary="See whether a node stops its motors without this service")
-async def verify_failsafe(node: NodeDep, service: ServiceDep) -> NodeReply:
+async def verify_failsafe(node: NodeDep, service: ServiceDep, lease: LeaseToken = None) -> NodeReply:
     """Let the service's heartbeat pause at standstill and look whether the node faults its enabled axes.
 
-    Takes a few seconds. At least one axis of the node must be enabled, and no axis of the bus may move or be
-    in use. Afterwards every axis of the bus that was enabled is in FAULT: the pause is heard by every module.
-    `failsafe` is `verified` then, until the module's next start; or `off` if it went on.
+    Takes a few seconds. At least one axis of the node must be enabled, and no axis of the bus may move, be in
+    use or in somebody else's lease. Afterwards every axis of the bus that was enabled is in FAULT: the pause
+    is heard by every module. `failsafe` is `verified` then, until the module's next start; or `off` if it
+    went on.
     """
+    everything = [axis for each in service.network.nodes.values() for axis in each.axes]
+    service.leases.check(everything, lease)
     await service.command(service.network.verify_failsafe(node.node_id))
     return views.node(node)

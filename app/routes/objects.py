@@ -7,7 +7,7 @@ from typing import Annotated
 from fastapi import Depends, Path
 
 from app.deps import NodeDep, ServiceDep, command_headers, parse_index
-from app.documentation import KEYS, NODE, TRANSFER, UNSAFE, problems
+from app.documentation import KEYS, LEASES, NODE, TRANSFER, UNSAFE, problems
 from app.problems import ApiError
 from app.roles import API
 from app.routing import Router
@@ -44,6 +44,7 @@ async def read_object(node: NodeDep, index: IndexPath, sub: SubPath) -> ObjectRe
         *NODE,
         *UNSAFE,
         *KEYS,
+        *LEASES,
         *TRANSFER,
         *("unknown_object", "objects_read_only", "guarded_object", "bad_value", "not_ready", "axis_busy"),
     ),

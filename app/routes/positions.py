@@ -9,7 +9,7 @@ from fastapi import Depends, Path
 
 from app import views
 from app.deps import AskerDep, AxisDep, ServiceDep, command_headers
-from app.documentation import AXIS, KEYS, UNSAFE, problems
+from app.documentation import AXIS, KEYS, LEASES, UNSAFE, problems
 from app.positions import present
 from app.roles import API
 from app.routing import Router
@@ -22,7 +22,7 @@ router = Router(f"{API}/nodes/{{node}}/axes/{{axis}}/positions", tags=["position
 NameRef = Annotated[
     str, Path(description="Name of the position.", pattern=NAME, max_length=64, examples=["park"])
 ]
-CHANGE = (*AXIS, *UNSAFE, *KEYS, "store_off")
+CHANGE = (*AXIS, *UNSAFE, *KEYS, *LEASES, "store_off")
 
 
 @router.get("", summary="Named positions", responses=problems(*AXIS, "store_off"))

@@ -8,7 +8,7 @@ import yaml
 from fastapi import Body, Depends, Header, Query, Request, Response
 
 from app import settings_views as views
-from app.deps import AskerDep, AxisDep, NodeDep, ServiceDep, command_headers
+from app.deps import AskerDep, AxisDep, NodeDep, ServiceDep, command_headers, every_axis
 from app.documentation import AXIS, NODE, NODE_COMMAND, SETTINGS_CHANGE, problems
 from app.problems import ApiError
 from app.roles import API
@@ -133,7 +133,7 @@ async def diff_settings(
 @router.post(
     "/apply",
     summary="Go by a document",
-    dependencies=[Depends(command_headers)],
+    dependencies=[Depends(command_headers), Depends(every_axis)],
     responses=problems(*AXIS, *SETTINGS_CHANGE),
 )
 async def apply_settings(body: SettingsFile, service: ServiceDep, asker: AskerDep) -> AppliedReply:
@@ -153,7 +153,7 @@ async def list_revisions(
 @router.post(
     "/rollback",
     summary="Go back to a revision",
-    dependencies=[Depends(command_headers)],
+    dependencies=[Depends(command_headers), Depends(every_axis)],
     responses=problems(*SETTINGS_CHANGE, "unknown_revision"),
 )
 async def roll_back_settings(body: RollbackBody, service: ServiceDep, asker: AskerDep) -> AppliedReply:

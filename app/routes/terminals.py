@@ -9,7 +9,7 @@ from fastapi import Depends, Path
 
 from app import views
 from app.deps import LONGEST_REFERENCE, NodeDep, ServiceDep, command_headers
-from app.documentation import KEYS, NODE, TRANSFER, UNSAFE, problems
+from app.documentation import KEYS, LEASES, NODE, TRANSFER, UNSAFE, problems
 from app.problems import ApiError
 from app.roles import API
 from app.routes.moves import ANSWERED
@@ -59,7 +59,17 @@ async def get_outputs(node: NodeDep) -> OutputsReply:
     summary="Switch an output",
     dependencies=[Depends(command_headers)],
     responses=problems(
-        *(*NODE, *UNSAFE, *KEYS, *TRANSFER, "unknown_terminal", "not_ready", "stop_latched", "bad_value")
+        *(
+            *NODE,
+            *UNSAFE,
+            *KEYS,
+            *LEASES,
+            *TRANSFER,
+            "unknown_terminal",
+            "not_ready",
+            "stop_latched",
+            "bad_value",
+        )
     ),
 )
 async def switch_output(
@@ -80,7 +90,9 @@ async def switch_output(
     status_code=202,
     responses={
         **ANSWERED,
-        **problems(*NODE, *UNSAFE, *KEYS, *TRANSFER, "not_ready", "bad_value", "input_timeout"),
+        **problems(
+            *(*NODE, *UNSAFE, *KEYS, *TRANSFER, "lease_lost", "not_ready", "bad_value", "input_timeout")
+        ),
     },
 )
 async def wait_for_input(body: WaitBody, node: NodeDep, starter: StarterDep) -> OperationReply:

@@ -104,6 +104,14 @@ class FoundReply(Reply):
     velocity: Quantity | None
 
 
+class AxisLease(Reply):
+    """The lease that an axis is in."""
+
+    id: str
+    owner: str
+    expires_in_s: float = Field(description="Seconds, unless it is renewed.")
+
+
 class AxisStatusReply(Reply):
     """What an axis does now, from the last process data that its module sent."""
 
@@ -132,6 +140,7 @@ class AxisStatusReply(Reply):
     emergencies: list[ActiveEmergency]
     operation: str | None = Field(description="ID of the operation that holds the axis.")
     queued: list[str] = Field(description="IDs of the operations that wait for it, the next first.")
+    lease: AxisLease | None = Field(description="Who has exclusive control of it; None: nobody.")
     age_s: float | None = Field(description="Seconds since the module sent this; None if it never did.")
     stale: bool = Field(description="Whether this is too old to rely on.")
 

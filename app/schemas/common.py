@@ -147,3 +147,5 @@ class Problem(Reply):
     obstacles: list[ObstacleReply] | None = None
     errors: list[FieldError] | None = None
     operation: str | None = Field(default=None, description="Path of the operation that holds the axis.")
+    owner: str | None = Field(default=None, description="Who has the lease.")
+    expires_in_s: float | None = Field(default=None, description="Seconds until the lease expires.")

@@ -61,8 +61,29 @@ AXIS: Example = {
     "emergencies": [],
     "operation": None,
     "queued": [],
+    "lease": None,
     "age_s": 0.012,
     "stale": False,
+}
+LEASE_BODY: Example = {
+    "axes": [{"node": "stage", "axis": "x"}, {"node": "stage", "axis": "y"}],
+    "ttl_s": 10,
+    "owner": "scheduler 1",
+}
+LEASE: Example = {
+    "id": "0d4b7a6a5f9b4b7f8f3b6c1f0e2d9a11",
+    "fencing": 1767268800000,
+    "owner": "scheduler 1",
+    "axes": [{"node": 1, "axis": 0, "name": "x"}, {"node": 1, "axis": 1, "name": "y"}],
+    "ttl_s": 10.0,
+    "created": TIME,
+    "expires": "2026-01-01T12:00:10Z",
+    "expires_in_s": 10.0,
+    "links": {
+        "self": "/api/v1/leases/0d4b7a6a5f9b4b7f8f3b6c1f0e2d9a11",
+        "renew": "/api/v1/leases/0d4b7a6a5f9b4b7f8f3b6c1f0e2d9a11/renew",
+        "release": "/api/v1/leases/0d4b7a6a5f9b4b7f8f3b6c1f0e2d9a11/release",
+    },
 }
 READINESS: Example = {
     "ready": False,

@@ -62,5 +62,13 @@ CREATE TABLE settings (
 settings file.
 """
 
-MIGRATIONS: tuple[str, ...] = (OPERATIONS, KEYS, POSITIONS, SETTINGS)
+COUNTERS = """
+CREATE TABLE counters (
+    name TEXT PRIMARY KEY,
+    value INTEGER NOT NULL
+);
+"""
+"""Numbers that only rise: the fencing token of the last lease."""
+
+MIGRATIONS: tuple[str, ...] = (OPERATIONS, KEYS, POSITIONS, SETTINGS, COUNTERS)
 """The schema's version is how many of them were applied (PRAGMA user_version)."""

@@ -27,7 +27,9 @@ class Event:
     id: int
     """Counts up by one over all kinds, from 1."""
     kind: str
-    """`axis`, `node`, `bus`, `emergency`, `motion`, `stop`; a subscriber may also see its own `missed`."""
+    """`axis`, `node`, `bus`, `emergency`, `motion`, `stop`, and what others publish in their own words; a
+    subscriber may also see its own `missed`.
+    """
     time: datetime
     node: int | None
     axis: int | None

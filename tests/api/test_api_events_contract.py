@@ -21,7 +21,7 @@ EXAMPLES: dict[str, dict[str, Any]] = {
     kind: json.loads(data)
     for _, kind, data in re.findall(r"```text\n(id: \d+\n)?event: (\w+)\ndata: (.*)\n```", PAGE)
 }
-KINDS = {"snapshot", "axis", "node", "bus", "emergency", "motion", "stop", "missed"}
+KINDS = {"snapshot", "axis", "node", "bus", "emergency", "lease", "motion", "stop", "missed"}
 
 
 def shape(value: object) -> object:
@@ -52,6 +52,8 @@ async def one_of_each(bench: Bench) -> dict[str, ServerEvent]:
         bench.module.apply(lambda module, at: module.axes[1].supply(5.0, at))
         found["emergency"] = await stream.next("emergency")
         found["axis"] = await stream.next("axis")
+        await bench.post("/leases", {"axes": [{"node": 1, "axis": 2}]})
+        found["lease"] = await stream.next("lease")
         await bench.post("/stop", {"reason": "A hand is in the way."})
         found["stop"] = await stream.next("stop")
         bench.master_port.unplug()

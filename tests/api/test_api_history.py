@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import AsyncIterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from api_bench import Bench, running
@@ -193,3 +194,22 @@ async def test_old_ones_are_pruned_by_age_and_by_number(path: Path) -> None:
         bench.service.operations.prune()
         kept = await bench.service.store.rows("SELECT id FROM operations ORDER BY created")
         assert [row[0] for row in kept] == [ids[2], ids[4]]
+
+
+async def test_fencing_tokens_rise_over_restarts_even_if_the_clock_goes_back(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fencing: list[int] = []
+    token = "of nobody"
+    for wall in (2e9, 1.9e9):
+        monkeypatch.setattr("app.leasing.time", SimpleNamespace(time=lambda wall=wall: wall))
+        async with running(settings(path)) as bench:
+            await bench.until_ready()
+            old = await bench.post("/nodes/1/axes/0/enable", headers={"Lease": token})
+            assert (old.status_code, old.json()["code"]) == (423, "lease_lost")
+            for _ in range(2):
+                lease = (await bench.post("/leases", {"node": 1, "force": True})).json()
+                fencing.append(lease["fencing"])
+                token = str(lease["token"])
+    assert fencing[0] == 2e12, "so that it rises over restarts without a store too"
+    assert fencing == sorted(set(fencing))

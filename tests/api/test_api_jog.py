@@ -402,3 +402,23 @@ async def test_role_ticket_and_origin_are_checked_before_it_is_accepted(tmp_path
     assert (begun["who"], begun["body"]["velocity"]) == ("may-move", SPEED)
     assert begun["operation"] == ended["operation"] == operation["id"]
     assert ended["stopped"] == "released"
+
+
+async def test_an_axis_of_somebody_else_s_lease_is_not_jogged(bench: Bench) -> None:
+    await bench.enable()
+    lease = (await bench.post("/leases", {"node": 1, "owner": "anna", "ttl_s": 3}, headers={})).json()
+    async with JogClient(bench.app) as stranger:
+        await stranger.next("hello")
+        stranger.hold(SPEED)
+        assert (await stranger.next("problem"))["problem"]["code"] == "leased"
+    assert await operations(bench) == []
+    async with JogClient(bench.app, lease=lease["token"]) as holder:
+        await holder.next("hello")
+        await holder.hold_for(1.0)
+        assert truly(bench).velocity == SPEED
+        await holder.hold_for(2.5)
+        assert (await holder.next("problem"))["problem"]["code"] == "lease_lost"
+    await until_rest(bench)
+    [operation] = await operations(bench)
+    assert operation["state"] == "cancelled"
+    assert "The lease of anna expired" in operation["reason"]

@@ -274,7 +274,7 @@ async def test_a_store_that_is_off_leaves_keys_in_memory_and_gets_them_when_it_i
     await store.close()
 
 
-HOLD_NO_KEY = {"issue_ticket"}
+HOLD_NO_KEY = {"issue_ticket", "diff_settings"}
 """Commands that may be carried out any number of times."""
 
 

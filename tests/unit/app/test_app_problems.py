@@ -6,7 +6,16 @@ from collections.abc import Iterator
 
 import pytest
 
-from app.problems import PROBLEM_TYPES, of_driver_error, of_status
+from app.problems import (
+    PROBLEM_TYPES,
+    ApiError,
+    ProblemReply,
+    of_api_error,
+    of_driver_error,
+    of_status,
+    problem,
+)
+from app.replies import problem_response
 from drivers import errors
 
 
@@ -25,8 +34,9 @@ def test_every_driver_error_has_a_row_of_its_own(kind: type[errors.CanaxisError]
 
 @pytest.mark.parametrize("row", PROBLEM_TYPES.values(), ids=PROBLEM_TYPES)
 def test_every_row_says_what_to_do(row: object) -> None:
-    _, status, title, explanation = row  # type: ignore[misc]
+    _, status, title, explanation, wait = row  # type: ignore[misc]
     assert 400 <= status <= 599
+    assert wait is None or status in (409, 423, 429, 503), "waiting helps against what passes by itself"
     assert title
     assert explanation.endswith(".")
 
@@ -52,6 +62,23 @@ def test_the_status_of_the_common_errors(error: errors.CanaxisError, status: int
     assert reply.status == reply.body["status"] == status
     assert reply.body["type"] == "/problems/" + error.code.replace("_", "-")
     assert reply.body["hint"]
+
+
+@pytest.mark.parametrize(
+    ("reply", "seconds"),
+    [
+        (of_driver_error(errors.NodeAway("x")), "5"),
+        (of_driver_error(errors.SdoQueueFull("x")), "1"),
+        (of_driver_error(errors.WrongIdentity("x")), None),
+        (of_driver_error(errors.AxisBusy("x", obstacles=())), None),
+        (of_api_error(ApiError("leased", "x", retry_after=7.2)), "8"),
+        (of_api_error(ApiError("leased", "x", retry_after=0.0)), "1"),
+        (of_api_error(ApiError("lease_lost", "x")), None),
+        (problem("too_many_requests", "x"), "1"),
+    ],
+)
+def test_a_reply_says_when_to_try_again_where_waiting_helps(reply: ProblemReply, seconds: str | None) -> None:
+    assert problem_response(reply).headers.get("retry-after") == seconds
 
 
 def test_an_abort_carries_where_and_why() -> None:
