@@ -7,6 +7,7 @@ HTTP contract and nothing else of it, and needs httpx alone. docs/python-client.
 from canaxis.async_client import AsyncAxis, AsyncClient, AsyncNode, AsyncOperation
 from canaxis.client import Axis, Client, Node, Operation
 from canaxis.errors import (
+    Action,
     AxisFault,
     BadReply,
     BadValue,
@@ -31,6 +32,7 @@ from canaxis.errors import (
     Obstacle,
     OperationCancelled,
     OutcomeUnknown,
+    QueueFull,
     SdoAborted,
     ServiceFault,
     ServiceRestarted,
@@ -47,9 +49,11 @@ from canaxis.errors import (
 )
 from canaxis.exchange import Patience
 from canaxis.lease import AsyncLease, Lease
+from canaxis.replies import Preview
 from canaxis.stream import Sample
 
 __all__ = [
+    "Action",
     "AsyncAxis",
     "AsyncClient",
     "AsyncLease",
@@ -85,6 +89,8 @@ __all__ = [
     "OperationCancelled",
     "OutcomeUnknown",
     "Patience",
+    "Preview",
+    "QueueFull",
     "Sample",
     "SdoAborted",
     "ServiceFault",

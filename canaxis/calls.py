@@ -6,10 +6,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, TypedDict
+from typing import Any, Literal, TypedDict
 from urllib.parse import quote
 
-from canaxis.errors import BadValue
+from canaxis.errors import Action, BadValue
 from canaxis.exchange import Call, Request, asking, command, look, stop
 from canaxis.replies import (
     AxisStatus,
@@ -23,6 +23,7 @@ from canaxis.replies import (
     ObjectValue,
     OperationStatus,
     OperationStatuses,
+    Preview,
     Readiness,
     Ready,
     StopReport,
@@ -39,7 +40,19 @@ class Keyed(TypedDict, total=False):
     """An Idempotency-Key of your own: sent again with it, even by another run, it is carried out once."""
 
 
-class MoveOptions(Keyed, total=False):
+OnBusy = Literal["reject", "replace", "queue"]
+
+
+class MovingOptions(Keyed, total=False):
+    """What every moving command may be given."""
+
+    on_busy: OnBusy
+    """If something else holds the axis: `reject` (the default) refuses, `replace` cancels what runs and what
+    waits, `queue` begins once everything before it has succeeded.
+    """
+
+
+class MoveOptions(MovingOptions, total=False):
     """What a move may be given besides target and unit; what is left out comes from the axis's settings."""
 
     relative: bool
@@ -52,14 +65,20 @@ class MoveOptions(Keyed, total=False):
     """unit/s2"""
 
 
-class VelocityOptions(Keyed, total=False):
+class VelocityOptions(MovingOptions, total=False):
     """What running at a speed may be given besides speed and unit."""
 
     acceleration: float
     """unit/s2, up and down"""
+    duration_s: float
+    """Seconds at the speed; then it ramps down. At most one of the three ends."""
+    travel: float
+    """Distance in unit, from standstill to standstill"""
+    lease: bool
+    """Whether it ends with the lease that it is sent under"""
 
 
-class HomeOptions(Keyed, total=False):
+class HomeOptions(MovingOptions, total=False):
     """What homing may be given; what is left out comes from the axis's settings."""
 
     method: int
@@ -83,9 +102,17 @@ def _name(reference: int | str) -> str:
     return quote(text, safe="")
 
 
+def _body(options: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in options.items() if name != "key" and value is not None}
+
+
+def _preview(path: str, options: Mapping[str, Any]) -> Call[Preview]:
+    request = Request("POST", path, query={"dry_run": "true"}, body=_body(options), safe=True)
+    return asking(request, Preview)
+
+
 def _started(path: str, options: Mapping[str, Any]) -> Call[OperationStatus]:
-    body = {name: value for name, value in options.items() if name != "key" and value is not None}
-    return asking(command(path, body, key=options.get("key")), OperationStatus)
+    return asking(command(path, _body(options), key=options.get("key")), OperationStatus)
 
 
 class AxisCalls:
@@ -133,6 +160,18 @@ class AxisCalls:
     def home(self, options: HomeOptions) -> Call[OperationStatus]:
         """POST home."""
         return _started(f"{self.path}/home", options)
+
+    def predict_move(self, target: float, unit: str, options: MoveOptions) -> Call[Preview]:
+        """POST move, dry."""
+        return _preview(f"{self.path}/move", {"target": target, "unit": unit, **options})
+
+    def predict_velocity(self, velocity: float, unit: str, options: VelocityOptions) -> Call[Preview]:
+        """POST velocity, dry."""
+        return _preview(f"{self.path}/velocity", {"velocity": velocity, "unit": unit, **options})
+
+    def predict_home(self, options: HomeOptions) -> Call[Preview]:
+        """POST home, dry."""
+        return _preview(f"{self.path}/home", options)
 
     def _state(self, verb: str) -> Call[AxisStatus]:
         return asking(command(f"{self.path}/{verb}"), AxisStatus)
@@ -191,6 +230,11 @@ class OperationCalls:
     def cancel(self) -> Call[OperationStatus]:
         """POST cancel."""
         return asking(command(f"{self.path}/cancel"), OperationStatus)
+
+
+def follow(action: Action) -> Call[None]:
+    """Whatever an obstacle's action is."""
+    return Call(command(action.path, action.body, method=action.method), lambda _: None)
 
 
 def nodes() -> Call[NodeStatuses]:

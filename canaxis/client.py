@@ -12,6 +12,7 @@ import httpx
 
 from canaxis import calls, stream
 from canaxis.calls import AxisCalls, HomeOptions, MoveOptions, NodeCalls, VelocityOptions
+from canaxis.errors import Action
 from canaxis.exchange import Answer, Call, Exchange, Patience, Request
 from canaxis.operation import OperationView
 from canaxis.replies import (
@@ -21,6 +22,7 @@ from canaxis.replies import (
     NodeStatus,
     ObjectValue,
     OperationStatus,
+    Preview,
     Readiness,
     Ready,
     StopReport,
@@ -124,6 +126,10 @@ class Client:
         from canaxis.lease import Lease
 
         return Lease(self, axes, ttl, owner, force)
+
+    def follow(self, action: Action) -> None:
+        """Do what takes an obstacle away: `Obstacle.action`, from a readiness or from an error."""
+        self.run(calls.follow(action))
 
     def bus(self) -> BusStatus:
         """The wire, and what passed over it."""
@@ -270,12 +276,24 @@ class Axis:
         return Operation(self._client, self._client.run(self._calls.move(target, unit, options)))
 
     def velocity(self, velocity: float, unit: str, **options: Unpack[VelocityOptions]) -> Operation:
-        """Run at a speed in `unit`/s until something else is commanded; it succeeds when that is reached."""
+        """Run at a speed in `unit`/s until something else is commanded, or to an end that is given too."""
         return Operation(self._client, self._client.run(self._calls.velocity(velocity, unit, options)))
 
     def home(self, **options: Unpack[HomeOptions]) -> Operation:
         """Seek the reference."""
         return Operation(self._client, self._client.run(self._calls.home(options)))
+
+    def predict_move(self, target: float, unit: str, **options: Unpack[MoveOptions]) -> Preview:
+        """What a move would come to: duration, way, what prevents it. Nothing is sent to the axis."""
+        return self._client.run(self._calls.predict_move(target, unit, options))
+
+    def predict_velocity(self, velocity: float, unit: str, **options: Unpack[VelocityOptions]) -> Preview:
+        """The same of running at a speed."""
+        return self._client.run(self._calls.predict_velocity(velocity, unit, options))
+
+    def predict_home(self, **options: Unpack[HomeOptions]) -> Preview:
+        """The same of seeking the reference: the longest that it may take."""
+        return self._client.run(self._calls.predict_home(options))
 
     def stop(self) -> AxisStatus:
         """Ramp down and stay enabled; ends the running operation. Answers at standstill."""

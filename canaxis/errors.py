@@ -12,12 +12,23 @@ from typing import Any, ClassVar, cast
 
 
 @dataclass(frozen=True, slots=True)
+class Action:
+    """A request that takes an obstacle away; `Client.follow` sends it."""
+
+    method: str
+    path: str
+    body: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
 class Obstacle:
     """One thing that prevents a command now, and what to do about it."""
 
     code: str
     message: str
     remedy: str
+    action: Action | None = None
+    """What does it; None: it takes waiting, or a person's hands."""
 
 
 class CanaxisError(Exception):
@@ -54,7 +65,13 @@ class CanaxisError(Exception):
         """What prevents the command, in the service's order; empty where it named nothing."""
         rows = _rows(self.problem.get("obstacles"))
         return tuple(
-            Obstacle(*(str(row.get(name, "")) for name in ("code", "message", "remedy"))) for row in rows
+            Obstacle(
+                str(row.get("code", "")),
+                str(row.get("message", "")),
+                str(row.get("remedy", "")),
+                _action(row.get("action")),
+            )
+            for row in rows
         )
 
 
@@ -245,6 +262,12 @@ class Unavailable(CanaxisError):
     status_class = 503
 
 
+class QueueFull(Unavailable):
+    """As much waits for the axis as may. Nothing was sent."""
+
+    codes = ("axis_queue_full",)
+
+
 class NodeAway(Unavailable):
     """The node is not there, or not ready yet."""
 
@@ -302,6 +325,13 @@ def of_problem(problem: Mapping[str, Any], status: int | None = None) -> Canaxis
 def _with_fields(detail: str, problem: Mapping[str, Any]) -> str:
     fields = [f"{row.get('field')}: {row.get('message')}" for row in _rows(problem.get("errors"))]
     return f"{detail} ({'; '.join(fields)})" if fields else detail
+
+
+def _action(value: object) -> Action | None:
+    if not isinstance(value, Mapping):
+        return None
+    row = cast("Mapping[str, Any]", value)
+    return Action(str(row.get("method", "")), str(row.get("path", "")), row.get("body") or {})
 
 
 def _rows(value: object) -> list[Mapping[str, Any]]:

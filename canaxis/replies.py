@@ -80,6 +80,8 @@ class AxisStatus:
     age_s: float | None
     stale: bool
     """Whether this is too old to rely on."""
+    queued: tuple[str, ...] = ()
+    """IDs of the operations that wait for the axis, the next first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +93,7 @@ class AxisStatuses:
 
 @dataclass(frozen=True, slots=True)
 class Readiness:
-    """What prevents each command now, each obstacle with its remedy."""
+    """What prevents each command now, each obstacle with its remedy, in the order of what to do first."""
 
     ready: bool
     """Whether a move would be accepted now."""
@@ -99,6 +101,10 @@ class Readiness:
     move: tuple[Obstacle, ...]
     velocity: tuple[Obstacle, ...]
     home: tuple[Obstacle, ...]
+    disable: tuple[Obstacle, ...] = ()
+    reset_fault: tuple[Obstacle, ...] = ()
+    set_position: tuple[Obstacle, ...] = ()
+    jog: tuple[Obstacle, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,6 +223,9 @@ class OperationStatus:
     created: datetime
     started: datetime | None
     ended: datetime | None
+    predicted_s: float | None = None
+    """Seconds that it should take, without what it waits for; None while that isn't known."""
+    predicted_peak_velocity: Quantity | None = None
 
     @property
     def done(self) -> bool:
@@ -229,6 +238,50 @@ class OperationStatuses:
     """Operations, the newest first."""
 
     operations: tuple[OperationStatus, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class PathLimits:
+    """A way against the limits of its axis."""
+
+    lowest: Quantity
+    highest: Quantity
+    limit_low: Quantity
+    limit_high: Quantity
+    within: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Write:
+    """A parameter that would be written; `old` is None where it isn't known."""
+
+    index: str
+    sub: int
+    name: str
+    old: int | None
+    new: int
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Preview:
+    """What a command would come to; nothing was sent."""
+
+    kind: str
+    accepted: bool
+    """Whether it would be taken now."""
+    begins: str | None
+    """at_once, take_over, replace or queue; None where it would be refused."""
+    obstacles: tuple[Obstacle, ...]
+    request: Mapping[str, Any]
+    predicted_s: float | None
+    """Seconds, without what it waits for; of a homing the longest. None: not known."""
+    predicted_peak_velocity: Quantity | None
+    start: Quantity | None
+    end: Quantity | None
+    path: PathLimits | None
+    assumed: tuple[str, ...]
+    writes: tuple[Write, ...]
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,6 +25,8 @@ NAMES = {
     "Found": "FoundReply",
     "NodeStatuses": "NodeList",
     "ObjectValue": "ObjectReply",
+    "PathLimits": "PathReply",
+    "Write": "ChangeReply",
     "OperationStatuses": "OperationList",
     "Sight": "SightReply",
     "StopReport": "StopReply",

@@ -39,7 +39,7 @@ nodes:
 DOCS = Path(__file__).parents[2]
 BLOCKS = [
     pytest.param(block, id=f"{page}-{number}")
-    for page in ("docs/python-client.md", "README.md")
+    for page in ("docs/python-client.md", "docs/motion.md", "README.md")
     for number, block in enumerate(
         block
         for block in re.findall(r"```python\n(.*?)```", (DOCS / page).read_text("utf-8"), re.DOTALL)
@@ -114,6 +114,29 @@ def test_a_stop_for_everything_is_latched_and_ends_the_motion(client: Client) ->
         axis.move(1, "steps")
     assert "reset" in refused.value.hint
     assert not client.reset_stop().latched
+
+
+def test_looking_before_moving_and_a_queue(client: Client) -> None:
+    axis = client.node("stage").axis("y")
+    seen = axis.predict_move(30_000, "steps", relative=True)
+    assert (seen.accepted, seen.begins, [one.code for one in seen.obstacles]) == (
+        False,
+        None,
+        ["not_enabled"],
+    )
+    while obstacles := axis.readiness().move:
+        assert obstacles[0].action is not None
+        client.follow(obstacles[0].action)
+    assert axis.predict_velocity(1000, "steps", duration_s=1).accepted
+    assert axis.predict_home(method=35).predicted_s == 0
+    first = axis.move(30_000, "steps", relative=True)
+    assert first.status.predicted_s == seen.predicted_s
+    second = axis.move(-30_000, "steps", relative=True, on_busy="queue")
+    assert axis.status().queued == (second.id,)
+    assert second.wait(timeout=60).state == first.refresh().state == "succeeded"
+    turning = axis.velocity(9000, "steps", travel=4000, on_busy="replace").wait(timeout=60)
+    assert turning.result is not None
+    assert not turning.result["turning"]
 
 
 def test_what_can_be_looked_at(client: Client) -> None:
