@@ -24,6 +24,7 @@ from drivers.master import (
     NodeState,
     VelocityRequest,
 )
+from drivers.master.requests import OnBusy
 
 pytestmark = pytest.mark.looptime
 
@@ -57,6 +58,11 @@ def replaced(axis: Axis) -> Motion:
     return axis.run_at(VelocityRequest(-20_000))
 
 
+def put_aside(axis: Axis) -> Motion:
+    axis.move_to(MoveRequest(40_000, relative=True))
+    return axis.move_to(MoveRequest(-900, relative=True), on_busy=OnBusy.REPLACE)
+
+
 CASES = {
     "enable": Case(Axis.enable, enabled=False, ends=frozenset({*STANDING, PowerState.OPERATION_ENABLED})),
     "move": Case(lambda axis: axis.move_to(MoveRequest(40_000, relative=True))),
@@ -69,6 +75,10 @@ CASES = {
     "velocity": Case(lambda axis: axis.run_at(VelocityRequest(60_000))),
     "velocity replaced": Case(replaced),
     "velocity changed": Case(lambda axis: axis.run_at(VelocityRequest(-60_000)), before=turning),
+    "turning put aside": Case(
+        lambda axis: axis.move_to(MoveRequest(-900, relative=True), on_busy=OnBusy.REPLACE), before=turning
+    ),
+    "move put aside": Case(put_aside),
     "disable": Case(
         Axis.disable,
         ends=frozenset({PowerState.SWITCH_ON_DISABLED, PowerState.OPERATION_ENABLED}),
