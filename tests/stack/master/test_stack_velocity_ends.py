@@ -43,13 +43,14 @@ async def test_a_duration_counts_at_speed_and_ends_at_standstill(stack: Stack) -
     assert motion.started is not None
 
 
-@pytest.mark.parametrize(("velocity", "travel"), [(40_000, 12_345), (-40_000, 200), (900, 1), (-7, 3)])
-async def test_a_travel_is_exact_to_the_step(stack: Stack, velocity: int, travel: int) -> None:
+async def test_a_travel_is_exact_to_the_step(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
-    motion = axis.run_at(VelocityRequest(velocity, travel=travel))
-    assert await motion.wait(60)
-    assert motion.state is MotionState.SUCCEEDED, motion.error
-    assert place(stack) == (travel if velocity > 0 else -travel)
+    for velocity, travel in ((40_000, 12_345), (-40_000, 200), (900, 1), (-7, 3)):
+        before = place(stack)
+        motion = axis.run_at(VelocityRequest(velocity, travel=travel))
+        assert await motion.wait(60)
+        assert motion.state is MotionState.SUCCEEDED, motion.error
+        assert place(stack) - before == (travel if velocity > 0 else -travel)
 
 
 async def test_a_travel_begins_from_standstill_and_within_the_limits(stack: Stack) -> None:
@@ -104,7 +105,7 @@ async def test_a_homing_s_deadline_is_what_was_predicted_of_it() -> None:
         assert not axis.status.moving
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 async def test_any_schedule_ends_each_motion_once_and_begins_none_after_a_stop(
     stack: Stack, seed: int
 ) -> None:
@@ -130,7 +131,7 @@ async def test_any_schedule_ends_each_motion_once_and_begins_none_after_a_stop(
                 request = MoveRequest(draw.choice((-9000, 40, 20_000)), relative=draw.random() < 0.7)
                 return axis.move_to(request, on_busy=on_busy)
 
-    for _ in range(25):
+    for _ in range(15):
         for _ in range(draw.randrange(1, 6)):
             await asyncio.sleep(draw.choice((0.0, 0.0, 0.001, 0.05, 0.4, 1.1)))
             try:
