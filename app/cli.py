@@ -21,6 +21,7 @@ COMMANDS = {
     "openapi": "app.commands.document",
     "eds": "app.commands.eds",
     "token": "app.commands.token",
+    "settings": "app.commands.settings",
 }
 """Where the function, or the `Typer`, of each name is."""
 SERVING = frozenset({"serve", "demo"})
