@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import yaml
 from fastapi import Body, Depends, Header, Query, Request, Response
 
 from app import settings_views as views
@@ -107,6 +106,8 @@ async def export_settings(request: Request, service: ServiceDep) -> Response:
     """What `canaxis.yaml` would say under `nodes` for the settings of now: to edit, compare and apply."""
     document = views.document(service.book)
     if "yaml" in request.headers.get("accept", ""):
+        import yaml  # here: a service that is not asked for YAML starts without it
+
         text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True)
         return Response(text, media_type=YAML)
     return views.json_reply(document)
