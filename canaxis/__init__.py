@@ -48,6 +48,7 @@ from canaxis.errors import (
     WaitTimeout,
 )
 from canaxis.exchange import Patience
+from canaxis.jog import Jog, JogStopped
 from canaxis.lease import AsyncLease, Lease
 from canaxis.replies import Preview
 from canaxis.stream import Sample
@@ -70,6 +71,8 @@ __all__ = [
     "Conflict",
     "Forbidden",
     "GuardedObject",
+    "Jog",
+    "JogStopped",
     "KeyInFlight",
     "KeyReused",
     "Lease",

@@ -14,6 +14,7 @@ from canaxis import calls, stream
 from canaxis.calls import AxisCalls, HomeOptions, MoveOptions, NodeCalls, VelocityOptions
 from canaxis.errors import Action
 from canaxis.exchange import Answer, Call, Exchange, Patience, Request
+from canaxis.jog import Jog
 from canaxis.operation import OperationView
 from canaxis.replies import (
     AxisStatus,
@@ -178,6 +179,10 @@ class Client:
         except StopIteration as end:
             return end.value
 
+    def jog(self, path: str) -> Jog:
+        """Open a connection that jogs the axis at `path`."""
+        return Jog(f"ws{self._url.removeprefix('http')}{path}/jog", self._headers)
+
     @property
     def patience(self) -> Patience:
         """How long a request without an answer is repeated."""
@@ -294,6 +299,10 @@ class Axis:
     def predict_home(self, **options: Unpack[HomeOptions]) -> Preview:
         """The same of seeking the reference: the longest that it may take."""
         return self._client.run(self._calls.predict_home(options))
+
+    def jog(self) -> Jog:
+        """A connection that turns the axis while it is held: use it in a `with`. Needs `websockets`."""
+        return self._client.jog(self._calls.path)
 
     def stop(self) -> AxisStatus:
         """Ramp down and stay enabled; ends the running operation. Answers at standstill."""

@@ -234,6 +234,17 @@ class JogSocket:
             entry["operation"] = operation.id
         except _PressOver:
             entry["refused"] = PRESS_OVER
+            silent = self._session.used_up
+            self._outbox.put(
+                lambda stamp: messages.StoppedMessage(
+                    stamp=stamp,
+                    reason="silence" if silent else "released",
+                    detail=PRESS_OVER,
+                    hint="",
+                    operation=None,
+                    result=None,
+                )
+            )
         except (ApiError, CanaxisError) as error:
             self._session.refused()
             reply = _problem(error)

@@ -100,13 +100,13 @@ class PongMessage(ServerMessage):
 
 
 class StoppedMessage(ServerMessage):
-    """A press has ended: its operation is over."""
+    """A press has ended, and its operation if it came to one."""
 
     kind: Literal["stopped"] = "stopped"
     reason: Literal["released", "silence", "limit", "stop", "fault", "failed", "shutdown"]
     detail: str
     hint: str
-    operation: str
+    operation: str | None = Field(description="None where it was let go before the axis began.")
     result: dict[str, Any] | None
 
 

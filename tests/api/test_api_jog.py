@@ -182,6 +182,18 @@ async def test_hold_to_move_release_to_stop(bench: Bench) -> None:
         assert operation["evidence"]["statuswords"]
 
 
+async def test_a_press_of_no_time_is_told_of_and_leaves_no_operation(bench: Bench) -> None:
+    await bench.enable()
+    async with JogClient(bench.app) as client:
+        await client.next("hello")
+        client.hold()
+        client.say("release")
+        stopped = await client.next("stopped")
+        assert (stopped["reason"], stopped["operation"]) == ("released", None)
+        assert await operations(bench) == []
+        assert not truly(bench).moving
+
+
 async def test_silence_stops_and_the_press_is_used_up_until_it_is_released(bench: Bench) -> None:
     async with jogging(bench) as client:
         client.hold()

@@ -6,6 +6,8 @@ All times are the simulator's own (its fault panel tells them), so that nothing 
 from __future__ import annotations
 
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -183,3 +185,40 @@ def test_a_service_killed_and_started_at_once_adopts_what_turns(module: Module, 
         assert http.post(f"{AXIS}/enable", headers=JSON).status_code == 200
         move = http.post(f"{AXIS}/move?wait=30", json={"target": 100, "unit": "steps", "relative": True})
         assert move.json()["state"] == "succeeded", move.text
+
+
+HOLDER = """\
+import sys, time
+from canaxis import Client
+
+with Client(sys.argv[1]) as client, client.node("stage").axis("x").jog() as jog:
+    jog.hold(50_000, "steps", acceleration=100_000)
+    time.sleep(100)
+"""
+SILENCE = 0.5
+"""Seconds for which a hold counts."""
+
+
+@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
+def test_the_axis_stops_that_a_client_held_when_it_was_stopped(
+    module: Module, tmp_path: Path, number: signal.Signals
+) -> None:
+    with service_on(tmp_path, module) as (_, http):
+        until_ready(http)
+        assert http.post(f"{AXIS}/enable", headers=JSON).status_code == 200
+        holder = subprocess.Popen([sys.executable, "-c", HOLDER, str(http.base_url)])
+        try:
+            module.until(lambda seen: seen["axes"][0]["velocity"] == SPEED)
+            told = module.now()["clock"]
+            holder.send_signal(number)
+            stood = module.until(lambda seen: not seen["axes"][0]["moving"])
+            assert stood["clock"] - told <= SILENCE + SPEED / 100_000 + BUSY
+        finally:
+            holder.kill()
+            holder.wait()
+        assert stood["axes"][0]["state"] == "operation_enabled", "the service stopped it, no fault"
+        [operation] = http.get("/api/v1/operations").json()["operations"]
+        ended = http.get(f"/api/v1/operations/{operation['id']}?wait=5").json()
+        assert ended["state"] == "cancelled"
+        assert ended["result"]["end"] == ("silence" if number is signal.SIGSTOP else "closed")
+        assert ended["result"]["round_trip_p50_ms"] > 0

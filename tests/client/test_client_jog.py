@@ -1,0 +1,75 @@
+"""A jog of the client on a service with a real socket."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+
+import pytest
+from test_client_service import url  # noqa: F401 - a fixture
+
+from canaxis import Client, Forbidden, NotReady, OperationCancelled, ServiceUnreachable
+
+pytestmark = [pytest.mark.process, pytest.mark.timeout(120)]
+
+
+def until(condition: object, within: float = 20.0) -> None:
+    deadline = time.monotonic() + within
+    while not condition():  # type: ignore[operator]
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_hold_release_and_what_ends_a_press(url: str) -> None:  # noqa: F811
+    with Client(url) as client:
+        axis = client.node("stage").axis("x")
+        axis.disable()
+        with axis.jog() as jog:
+            jog.hold(1, "mm")
+            until(lambda: jog.state == "used_up")
+            with pytest.raises(NotReady):
+                jog.release()
+            axis.enable()
+            jog.hold(1, "mm")
+            assert (ended := jog.release()) is not None
+            assert ended.reason == "released", "however short it was"
+            jog.hold(2, "mm", acceleration=20)
+            until(lambda: jog.velocity is not None and jog.velocity.value == pytest.approx(2, rel=0.01))
+            assert jog.round_trip_ms is not None
+            assert jog.state == "turning"
+            ended = jog.release()
+            assert ended is not None
+            assert ended.reason == "released"
+            assert not axis.status().moving
+            jog.hold(-2, "mm")
+            until(lambda: jog.velocity is not None and jog.velocity.value < 0)
+            axis.stop()
+            until(lambda: jog.stopped is not None)
+            with pytest.raises(OperationCancelled):
+                jog.hold(-2, "mm")
+            ended = jog.release()
+            assert ended is not None
+            assert ended.reason == "stop"
+            jog.hold(-2, "mm")
+        assert client.operations(limit=1)[0].status.kind == "jog"
+        assert not axis.status().moving, "leaving lets go and waits"
+        axis.disable()
+
+
+def test_no_connection_is_an_error_with_its_reason(url: str) -> None:  # noqa: F811
+    with Client(url) as client, pytest.raises(Exception, match="w") as unknown:
+        client.node("stage").axis("w").jog()
+    assert unknown.value.status == 404  # type: ignore[attr-defined]
+    with Client("http://127.0.0.1:9") as nobody, pytest.raises(ServiceUnreachable):
+        nobody.node(1).axis(0).jog()
+    with (
+        Client(url.replace("127.0.0.1", "127.0.0.1.")) as misled,
+        pytest.raises((Forbidden, ServiceUnreachable)),
+    ):
+        misled.node(1).axis(0).jog()
+
+
+def test_the_client_is_imported_without_websockets() -> None:
+    code = "import sys, canaxis; sys.exit('websockets' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
