@@ -120,8 +120,8 @@ class Jog(Motion):
         return self.over is None and not self.done
 
     def hold(self, velocity: int, at: float) -> None:
-        """Somebody held at loop time `at`, at a velocity in steps/s that may be another. No news to a jog
-        that is over.
+        """Somebody held at loop time `at`, at a velocity in steps/s that may be another; one above the
+        axis's maximum counts as that. No news to a jog that is over.
         """
         if not self.held:
             return
@@ -129,7 +129,8 @@ class Jog(Motion):
         self.longest_gap = max(self.longest_gap, at - self._held_at)
         self._held_at = at
         self._dead_man.feed(at)
-        self.velocity = velocity
+        highest = self._tools.config.max_velocity
+        self.velocity = max(-highest, min(highest, velocity))
         if self._turned_at < math.inf:
             self._steer(self._tools.drive.status, again=True)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import random
+from dataclasses import replace
 
 import pytest
 from stack_kit import Stack, stack_of, until
@@ -126,6 +127,15 @@ async def test_speed_and_direction_follow_the_holds(stack: Stack) -> None:
     assert jog.held, "held still, at no speed"
     jog.end(JogEnd.RELEASED)
     await jog.wait(5)
+
+
+async def test_a_hold_above_the_axis_s_maximum_counts_as_that(stack: Stack) -> None:
+    axis, jog = await turning(stack)
+    axis.go_by(replace(axis.config, max_velocity=axis.config.velocity))
+    jog.hold(10 * axis.config.velocity, now())
+    assert jog.velocity == axis.config.velocity
+    jog.hold(-10 * axis.config.velocity, now())
+    assert jog.velocity == -axis.config.velocity
 
 
 async def test_anybody_s_stop_ends_it(stack: Stack) -> None:
