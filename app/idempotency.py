@@ -22,6 +22,7 @@ from app.replies import problem_response, refuse
 from app.roles import SAFE_METHODS, is_stop
 from app.store.database import StoreOff
 from app.tokens import LOCAL, Principal
+from app.uploads import Upload
 
 HEADER = "idempotency-key"
 LONGEST_KEY = 255
@@ -104,6 +105,9 @@ def _scoped(scope: Scope, key: str) -> str:
 
 
 def _fingerprint(scope: Scope, body: bytes) -> bytes:
+    upload: Upload | None = scope.get("state", {}).get("upload")
+    if upload is not None:  # hashed as it came
+        body = upload.media_type.encode("latin-1") + upload.digest
     digest = hashlib.sha256()
     for part in (scope["method"].encode(), scope["path"].encode(), scope.get("query_string", b""), body):
         digest.update(len(part).to_bytes(4, "big"))

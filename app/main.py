@@ -31,6 +31,7 @@ from app.routes import (
     stop,
     terminals,
     tickets,
+    trajectories,
 )
 from app.routes import settings as settings_routes
 from app.routing import attach
@@ -61,6 +62,7 @@ ROUTERS = (  # in the order in which paths are tried: what is asked most comes f
     positions.router,
     leases.router,
     stop.router,
+    trajectories.router,
     objects.router,
     bus.router,
     events.router,
@@ -83,7 +85,7 @@ def create_app(
     network_config = settings.network_config()
     catalog = Catalog.load()
     _check_models(network_config, catalog)
-    policy = Policy.of(settings.server)
+    policy = Policy.of(settings.server, settings.trajectories)
     issued = Tickets()
     trail = AuditTrail(settings.audit)
     keys = Keys()

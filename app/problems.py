@@ -58,8 +58,15 @@ _ROWS = (
     ),
     ("forbidden_origin", 403, "Page of a foreign origin", "Add the page's origin to server.allowed_origins."),
     ("objects_read_only", 403, "Object writes are off", "Set objects.writable to true to allow raw writes."),
-    ("body_too_large", 413, "Body too large", "No request to this service needs more than 64 KiB."),
+    ("body_too_large", 413, "Body too large", "No request needs more than 64 KiB, besides trajectories."),
     ("json_required", 415, "JSON content type required", "Send Content-Type: application/json, body or not."),
+    (
+        "media_type_unknown",
+        415,
+        "Content type not taken",
+        "Send application/json or text/csv, as the path's documentation says.",
+    ),
+    ("no_room", 503, "No room for the body", "Free some space, or set trajectories.folder to another disk."),
     ("misdirected", 421, "Unknown Host", "Use the service's own address, or add it to server.allowed_hosts."),
     (
         "precondition_required",
@@ -134,6 +141,12 @@ _ROWS = (
     ("unknown_terminal", 404, "No such input or output", "List them with GET inputs and GET outputs."),
     ("input_timeout", 504, "Input did not get there in time", "Look at the input, or give it more time."),
     ("bad_value", 422, "Value not allowed", "Nothing was sent; correct the value and try again."),
+    (
+        "trajectory_refused",
+        422,
+        "Path can't be followed",
+        "Nothing was sent; `point`, `quantity`, `value` and `limit` say where it fails first.",
+    ),
     (
         "not_ready",
         409,
@@ -273,6 +286,14 @@ def of_driver_error(error: errors.CanaxisError) -> ProblemReply:
         extra["index"] = f"0x{error.index:04X}"
     if isinstance(error, errors.NotReady):
         extra["obstacles"] = [remedies.obstacle(o, error.node, error.axis) for o in error.obstacles]
+    if isinstance(error, errors.TrajectoryRefused):
+        extra |= {
+            "point": error.point,
+            "time_s": error.time_s,
+            "quantity": error.quantity,
+            "value": error.value,
+            "limit": error.limit,
+        }
     if isinstance(error, errors.SdoError):
         extra["outcome"] = error.outcome.value
     if isinstance(error, errors.RulesBroken):

@@ -13,6 +13,19 @@ from starlette.types import Receive, Scope, Send
 from app.problems import MEDIA_TYPE, ProblemReply
 
 
+class Refusal(Exception):
+    """The request ends here, with this reply."""
+
+    def __init__(self, reply: ProblemReply, headers: dict[str, str] | None = None) -> None:
+        super().__init__(reply.body["detail"])
+        self.reply = reply
+        self.headers = headers
+
+
+class ClientGone(Exception):
+    """The client left before its request was whole: there is nothing to carry out."""
+
+
 def problem_response(
     reply: ProblemReply, *, instance: str | None = None, headers: Mapping[str, str] | None = None
 ) -> Response:

@@ -41,6 +41,7 @@ COMMANDS: tuple[tuple[str, str, Role], ...] = (
     ("POST", f"{API}/operations/{{id}}/cancel", Role.STOP),  # a controlled stop of what the operation moves
     ("POST", f"{_AXIS}/move", Role.MOVE),
     ("POST", f"{_AXIS}/velocity", Role.MOVE),
+    ("POST", f"{API}/trajectories", Role.MOVE),
     ("POST", f"{_AXIS}/home", Role.MOVE),
     ("POST", f"{_AXIS}/set-position", Role.MOVE),
     (WEBSOCKET, f"{_AXIS}/jog", Role.MOVE),

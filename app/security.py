@@ -16,13 +16,14 @@ from urllib.parse import parse_qsl
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.problems import ProblemReply, problem
+from app.problems import problem
 from app.rates import RateLimit
-from app.replies import refuse
+from app.replies import ClientGone, Refusal, refuse
 from app.roles import API, SAFE_METHODS, WEBSOCKET, Role, is_stop, role_for
-from app.settings import ServerSettings
+from app.settings import ServerSettings, TrajectorySettings
 from app.tickets import Tickets
 from app.tokens import LOCAL, Principal, Tokens
+from app.uploads import JSON, UPLOADS, Upload, Uploads
 
 DOCS_ASSETS = "/docs/assets"
 """Where the interactive documentation's own script and style are: a lab's network may have no way out."""
@@ -73,13 +74,16 @@ class Policy:
     """Of one client, stops excepted; None: as many as it likes."""
     request_timeout: float
     """Seconds in which a body must be here."""
+    uploads: Uploads
+    """How the bodies of the few paths are taken that may be larger."""
 
     @classmethod
-    def of(cls, server: ServerSettings) -> Policy:
+    def of(cls, server: ServerSettings, trajectories: TrajectorySettings | None = None) -> Policy:
         """Loopback names with our port, the address that we listen on, and what the settings add.
 
         Raises `SettingsError` if the tokens can't be read.
         """
+        trajectories = trajectories or TrajectorySettings()
         port = server.port
         hosts = {f"127.0.0.1:{port}", f"localhost:{port}", f"[::1]:{port}"}
         if server.host not in ("0.0.0.0", "::"):
@@ -92,6 +96,12 @@ class Policy:
             tokens=Tokens.of(server),
             requests_per_second=server.requests_per_second,
             request_timeout=server.request_timeout,
+            uploads=Uploads(
+                max_bytes=trajectories.max_bytes,
+                idle_timeout=server.request_timeout,
+                total_timeout=trajectories.upload_timeout,
+                folder=trajectories.folder,
+            ),
         )
 
 
@@ -101,19 +111,6 @@ def _with_port(hosts: Iterable[str], port: int) -> Iterable[str]:
         yield host
         if ":" not in host.rpartition("]")[2]:
             yield f"{host}:{port}"
-
-
-class Refusal(Exception):
-    """The request ends here, with this reply."""
-
-    def __init__(self, reply: ProblemReply, headers: dict[str, str] | None = None) -> None:
-        super().__init__(reply.body["detail"])
-        self.reply = reply
-        self.headers = headers
-
-
-class ClientGone(Exception):
-    """The client left before its request was whole: there is nothing to carry out."""
 
 
 class Head:
@@ -164,7 +161,10 @@ class SecurityMiddleware:
         head = Head(scope)
         try:
             self._admit(scope, head, method)
-            if method not in SAFE_METHODS:
+            if method == "POST" and scope["path"] in UPLOADS:
+                scope["state"]["upload"] = await self._take_upload(scope["path"], receive, head)
+                receive = _replay(b"", receive)
+            elif method not in SAFE_METHODS:
                 body = await self._read_body(receive, head)
                 _check_content_type(scope["path"], head, body)
                 receive = _replay(body, receive)
@@ -172,6 +172,10 @@ class SecurityMiddleware:
             await refuse(scope, receive, send, refusal.reply, refusal.headers)
             return
         except ClientGone:
+            return
+        if (upload := scope.get("state", {}).get("upload")) is not None:
+            with upload.file:
+                await self.app(scope, receive, send)
             return
         if method == "HEAD" and scope["path"] not in STREAM_PATHS:  # a GET, whose body the server leaves out
             scope = {**scope, "method": "GET"}
@@ -261,10 +265,20 @@ class SecurityMiddleware:
             {"WWW-Authenticate": 'Bearer realm="canaxis"'},
         )
 
+    async def _take_upload(self, path: str, receive: Receive, head: Head) -> Upload:
+        """The body of a path of `UPLOADS`, in a file. All else is as for any command. Raises `Refusal`."""
+        media_type = _media_type(head)
+        if media_type not in UPLOADS[path]:
+            taken = " or ".join(UPLOADS[path])
+            raise Refusal(
+                problem("media_type_unknown", f"This path takes {taken}, not {media_type[:60]!r}."), HANG_UP
+            )
+        return await self.policy.uploads.take(receive, media_type, _declared(head))
+
     async def _read_body(self, receive: Receive, head: Head) -> bytes:
         """The whole body. Raises `Refusal` as soon as it is known to be too large (413) or too slow (408)."""
-        declared = head.first(b"content-length")
-        if declared.isascii() and declared.isdigit() and int(declared[:20]) > MAX_BODY:
+        declared = _declared(head)
+        if declared is not None and declared > MAX_BODY:
             raise _too_large()
         try:
             async with asyncio.timeout(self.policy.request_timeout):
@@ -274,6 +288,16 @@ class SecurityMiddleware:
                 problem("request_timeout", f"The body was not here after {self.policy.request_timeout:g} s."),
                 HANG_UP,
             ) from None
+
+
+def _declared(head: Head) -> int | None:
+    """The length that a body is said to have."""
+    text = head.first(b"content-length")
+    return int(text[:20]) if text.isascii() and text.isdigit() else None
+
+
+def _media_type(head: Head) -> str:
+    return head.first(b"content-type").partition(";")[0].strip().lower()
 
 
 def _too_large() -> Refusal:
@@ -299,7 +323,7 @@ async def _whole(receive: Receive) -> bytes:
 def _check_content_type(path: str, head: Head, body: bytes) -> None:
     if not body and is_stop(path):
         return  # stopping is the safe direction: a bare POST will do, whatever a tool declares it to be
-    if head.first(b"content-type").partition(";")[0].strip().lower() != "application/json":
+    if _media_type(head) != JSON:
         raise Refusal(
             problem(
                 "json_required", "A command needs the content type application/json, even without a body."

@@ -109,6 +109,18 @@ class ServerSettings(Section):
             return self.host == "localhost"  # any other name may lead anywhere
 
 
+class TrajectorySettings(Section):
+    """Paths that are sent as points."""
+
+    max_bytes: int = Field(default=256 << 20, ge=1024, description="The largest body, as JSON or CSV.")
+    upload_timeout: Positive = Field(
+        default=600.0, description="Seconds in which it must be here; see also server.request_timeout."
+    )
+    folder: Path | None = Field(
+        default=None, description="Where points are put aside; none: the system's for temporary files."
+    )
+
+
 class ObjectsSettings(Section):
     """Raw access to the object dictionary."""
 
@@ -190,6 +202,7 @@ class NetworkSettings(Section):
     consumer_ms: int | None = Field(default=None, ge=50, le=10_000)
     node_heartbeat_ms: int | None = Field(default=None, ge=10, le=10_000)
     allow_unverified_failsafe: bool | None = None
+    sender_process: bool | None = None
 
 
 class Settings(Section):
@@ -199,6 +212,7 @@ class Settings(Section):
     server: ServerSettings = Field(default_factory=ServerSettings)
     network: NetworkSettings = Field(default_factory=NetworkSettings)
     nodes: tuple[NodeSettings, ...] = Field(default_factory=_one_node, min_length=1)
+    trajectories: TrajectorySettings = Field(default_factory=TrajectorySettings)
     objects: ObjectsSettings = Field(default_factory=ObjectsSettings)
     store: StoreSettings = Field(default_factory=StoreSettings)
     audit: AuditSettings = Field(default_factory=AuditSettings)

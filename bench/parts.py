@@ -12,7 +12,7 @@ from typing import Protocol, cast
 from bench import machine
 from bench.report import Row, table
 
-PARTS = ("receive", "sdo", "service", "cold_start", "simulated_modules")
+PARTS = ("receive", "sdo", "service", "trajectory", "cold_start", "simulated_modules")
 """Modules of this package, in the order in which they are run."""
 ROUNDS = 5
 SECONDS = 2.0

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import socket
 import sys
+import threading
 from unittest import mock
 
 from fastapi import FastAPI
@@ -19,9 +20,12 @@ from app import server
 from app.logs import configure_logs
 from app.service import Service
 from app.settings import Settings
+from bench.punctual import keep_time
 from bench.wire import CHANNEL, as_socketcan
 
 EMPTY = "/bench/empty"
+LATE = "/bench/late"
+"""Tells how late a thread of this process woke, every 10 ms since it was last asked; at first it is begun."""
 
 
 class Aside:
@@ -33,16 +37,29 @@ class Aside:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """To whom it belongs."""
-        chosen = self._beside if scope.get("path") == EMPTY else self._service
+        chosen = self._beside if scope.get("path") in (EMPTY, LATE) else self._service
         await chosen(scope, receive, send)
 
 
 def bare() -> FastAPI:
-    """An application with an empty route."""
+    """An application with an empty route, and one that tells of a thread beside it."""
     app = FastAPI(openapi_url=None)
 
     @app.get(EMPTY)
     async def empty() -> None: ...
+
+    delays: list[float] = []
+    threads: list[threading.Thread] = []
+
+    @app.get(LATE)
+    async def late() -> list[float]:
+        if not threads:
+            arguments = (0.01, delays.append, lambda _: True)
+            threads.append(threading.Thread(target=keep_time, args=arguments, daemon=True))
+            threads[0].start()
+        found = delays.copy()
+        delays.clear()
+        return found
 
     return app
 

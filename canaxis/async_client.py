@@ -15,6 +15,7 @@ from canaxis.calls import AxisCalls, HomeOptions, MoveOptions, NodeCalls, Veloci
 from canaxis.errors import Action
 from canaxis.exchange import Answer, Call, Exchange, Patience, Request
 from canaxis.operation import OperationView
+from canaxis.path import AnyPoints, Axes, PathBody
 from canaxis.replies import (
     AxisStatus,
     BusStatus,
@@ -163,6 +164,13 @@ class AsyncClient:
                 broke = error
             await self._sleep(following.pause(broke))
 
+    async def trajectory(
+        self, axes: Axes, points: AnyPoints, *, cycle_ms: int = 10, key: str | None = None
+    ) -> AsyncOperation:
+        """Have axes of one bus follow a path: see `Client.trajectory`; `points` may come asynchronously."""
+        body = PathBody(axes, points, cycle_ms)
+        return AsyncOperation(self, await self.run(calls.trajectory(body, key)))
+
     # --- what the handles stand on ---
 
     async def run(self, call: Call[T]) -> T:
@@ -197,6 +205,7 @@ class AsyncClient:
             self._url + request.path,
             params=dict(request.query) or None,
             json=request.body,
+            content=None if request.path_body is None else request.path_body.async_pieces(),
             headers={**self._headers, **request.headers},
             timeout=timeout,
         )

@@ -11,6 +11,7 @@ from urllib.parse import quote
 
 from canaxis.errors import Action, BadValue
 from canaxis.exchange import Call, Request, asking, command, look, stop
+from canaxis.path import PathBody
 from canaxis.replies import (
     AxisStatus,
     AxisStatuses,
@@ -31,6 +32,8 @@ from canaxis.replies import (
 )
 
 ROOT = "/api/v1"
+LOOKING = 600.0
+"""Seconds that the service may take to look at a path, beyond what any answer may take."""
 
 
 class Keyed(TypedDict, total=False):
@@ -290,3 +293,11 @@ def renew_lease(lease: str) -> Call[Lease]:
 def release_lease(lease: str, *, stop: bool) -> Call[Lease]:
     """POST release."""
     return asking(command(f"{ROOT}/leases/{_name(lease)}/release", {"stop": stop}), Lease)
+
+
+def trajectory(body: PathBody, key: str | None) -> Call[OperationStatus]:
+    """POST trajectories: the answer comes once the whole path was looked at."""
+    keyed = command(f"{ROOT}/trajectories", key=key)
+    headers = {**keyed.headers, "Content-Type": "application/json"}
+    request = Request("POST", keyed.path, path_body=body, headers=headers, waits=LOOKING)
+    return asking(request, OperationStatus)

@@ -16,6 +16,7 @@ from canaxis.errors import Action
 from canaxis.exchange import Answer, Call, Exchange, Patience, Request
 from canaxis.jog import Jog
 from canaxis.operation import OperationView
+from canaxis.path import Axes, PathBody, Points
 from canaxis.replies import (
     AxisStatus,
     BusStatus,
@@ -162,6 +163,18 @@ class Client:
                 broke = error
             self._sleep(following.pause(broke))
 
+    def trajectory(
+        self, axes: Axes, points: Points, *, cycle_ms: int = 10, key: str | None = None
+    ) -> Operation:
+        """Have axes of one bus follow a path: points of ``(seconds, positions)`` or ``(seconds, positions,
+        velocities)``, in the units of `axes`, each ``(node, axis, unit)``.
+
+        The points are sent as they come, so a generator may give a million; the service begins once it has
+        all of them. Only a list, not a generator, can be sent again should the answer be lost.
+        """
+        body = PathBody(axes, points, cycle_ms)
+        return Operation(self, self.run(calls.trajectory(body, key)))
+
     # --- what the handles stand on ---
 
     def run(self, call: Call[T]) -> T:
@@ -200,6 +213,7 @@ class Client:
             self._url + request.path,
             params=dict(request.query) or None,
             json=request.body,
+            content=None if request.path_body is None else request.path_body.pieces(),
             headers={**self._headers, **request.headers},
             timeout=timeout,
         )

@@ -14,6 +14,7 @@ from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar, cast
 import httpx
 
 from canaxis import errors
+from canaxis.path import PathBody
 from canaxis.reading import read
 
 T = TypeVar("T")
@@ -63,6 +64,8 @@ class Request:
     path: str
     query: Mapping[str, str | int | float] = field(default_factory=dict[str, str | int | float])
     body: Mapping[str, Any] | None = None
+    path_body: PathBody | None = None
+    """Instead of `body`: one that is sent piece by piece."""
     headers: Mapping[str, str] = field(default_factory=dict[str, str])
     waits: float = 0.0
     """Seconds that the service is asked to wait before it answers."""
@@ -73,8 +76,9 @@ class Request:
 
     @property
     def repeatable(self) -> bool:
-        """Whether it may be sent again without an answer: what is safe, or has its key."""
-        return self.safe or "Idempotency-Key" in self.headers
+        """Whether it may be sent again without an answer: what is safe or has its key, and is still there."""
+        there = self.path_body is None or self.path_body.repeatable
+        return there and (self.safe or "Idempotency-Key" in self.headers)
 
     def timeout(self, seconds: float) -> httpx.Timeout:
         """The time it may take, where any answer may take `seconds`."""

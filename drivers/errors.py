@@ -252,6 +252,33 @@ class RulesBroken(BadValue):
         self.rules = rules
 
 
+class TrajectoryRefused(BadValue):
+    """The axes can't follow that path; nothing was sent. Says where it fails first."""
+
+    code = "trajectory_refused"
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        hint: str,
+        point: int,
+        time_s: float,
+        quantity: str,
+        value: float,
+        limit: float,
+        node: int | None = None,
+        axis: int | None = None,
+    ) -> None:
+        """`value` and `limit` are in steps and seconds, as `quantity` has it; `point` counts from 0."""
+        super().__init__(message, hint=hint, node=node, axis=axis)
+        self.point = point
+        self.time_s = time_s
+        self.quantity = quantity
+        self.value = value
+        self.limit = limit
+
+
 class GuardedObject(NodeError):
     """Writing this object could endanger motion: it needs a confirmation, or is never allowed."""
 

@@ -145,6 +145,14 @@ class Problem(Reply):
         "back before anything else; `refused` and `not_sent` did nothing.",
     )
     obstacles: list[ObstacleReply] | None = None
+    point: int | None = Field(default=None, description="Where a path fails first: the point, from 0.")
+    time_s: float | None = Field(default=None, description="Where a path fails first: its time.")
+    quantity: str | None = Field(
+        default=None,
+        description="What fails there: time, start, position, velocity, acceleration or deceleration.",
+    )
+    value: float | None = Field(default=None, description="Of `quantity`, in steps and seconds.")
+    limit: float | None = Field(default=None, description="Of `quantity`, in steps and seconds.")
     errors: list[FieldError] | None = None
     operation: str | None = Field(default=None, description="Path of the operation that holds the axis.")
     owner: str | None = Field(default=None, description="Who has the lease.")

@@ -94,7 +94,11 @@ class _Socketcand:
             self._expect(b"< ok >")
             self._socket.sendall(b"< rawmode >")
             self._expect(b"< ok >")
-            self._socket.settimeout(SENDING)
+            # Python's own time limit would have every call wait, the ones that must not wait too.
+            self._socket.settimeout(None)
+            seconds, fraction = divmod(SENDING, 1.0)
+            limit = struct.pack("@ll", int(seconds), int(fraction * 1e6))
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, limit)
         except (OSError, BusDown):
             self._socket.close()
             raise

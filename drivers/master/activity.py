@@ -102,7 +102,11 @@ class Activity:
             self._errands.begin(ErrandName.STOPPING, self._make_way())
 
     def take_part(
-        self, undertaking: Undertaking, name: ErrandName, work: Work, guide: Guide | None = None
+        self,
+        undertaking: Undertaking,
+        name: ErrandName,
+        work: Callable[[], Work],
+        guide: Guide | None = None,
     ) -> None:
         """Start this axis's part of what several do; no errand may be running.
 
@@ -217,10 +221,10 @@ class Activity:
         finally:
             self._forget(motion)
 
-    async def _take_part(self, undertaking: Undertaking, work: Work) -> None:
+    async def _take_part(self, undertaking: Undertaking, work: Callable[[], Work]) -> None:
         """The end of the whole has every axis stopped, this one too."""
         try:
-            await work
+            await work()
         except AxisFault as fault:
             undertaking.fail(await self._explained(fault))
         except CanaxisError as error:

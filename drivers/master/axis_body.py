@@ -129,7 +129,11 @@ class AxisBody:
             self._activity.begin(ErrandName.STOPPING, rest())
 
     def take_part(
-        self, undertaking: Undertaking, name: ErrandName, work: Work, guide: Guide | None = None
+        self,
+        undertaking: Undertaking,
+        name: ErrandName,
+        work: Callable[[], Work],
+        guide: Guide | None = None,
     ) -> None:
         """Begin this axis's part of what several do together; it must be ready for it, and idle."""
         self._activity.take_part(undertaking, name, work, guide)

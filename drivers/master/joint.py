@@ -7,6 +7,7 @@ Each axis carries out its part as an errand of its own, so that everything that 
 from __future__ import annotations
 
 import asyncio
+import functools
 from collections.abc import Callable, Sequence
 
 from drivers.errors import BadValue, Obstacle
@@ -59,7 +60,7 @@ class Joint(Undertaking):
     def occupy(self, name: ErrandName, part: Callable[[Axis], Work], guide: Guide | None = None) -> None:
         """Have every axis begin its part, before anything is awaited."""
         for axis in self.axes:
-            axis.take_part(self, name, part(axis), guide)
+            axis.take_part(self, name, functools.partial(part, axis), guide)
 
     def _on_change(self, _: Undertaking) -> None:
         self._publish()

@@ -80,6 +80,8 @@ class Trajectory(Joint):
         self._brake_timer: asyncio.TimerHandle | None = None
         self._heard = (0, 0.0)
         """Cycles that were reported last, and when."""
+        self._broken = False
+        """Whether an axis's part went wrong: the whole fails as soon as it is known why."""
 
     def start(self) -> None:
         """Take the SYNC and the axes, before anything is awaited."""
@@ -126,6 +128,9 @@ class Trajectory(Joint):
             entered.set_result(None)
             await trajectory_axis.watch(axis, self._played.is_set, self._played)
             await trajectory_axis.leave(axis, self._request.survey.end[index])
+        except Exception:
+            self._broken = True
+            raise
         finally:
             for future in (entered, part):
                 if not future.done():
@@ -156,6 +161,8 @@ class Trajectory(Joint):
             await asyncio.wait((entering, ended), return_when=asyncio.FIRST_COMPLETED)
             if not self.done:
                 await entering
+            if self._broken:
+                await self.wait()
             if self.done:
                 entering.cancel()
                 await asyncio.gather(entering, return_exceptions=True)
@@ -170,6 +177,8 @@ class Trajectory(Joint):
         self._judge()
         self._played.set()
         await asyncio.gather(*self._parts.values())
+        if self._broken:
+            await self.wait()
         if not self.done:
             self.succeed(self._measured())
 

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from drivers.errors import BadValue
+from drivers.errors import BadValue, TrajectoryRefused
 from drivers.master.axis import Axis
 from drivers.master.config import HIGHEST_RATE
 from drivers.master.trajectory_path import Point, Sample, samples
@@ -21,33 +21,6 @@ _ABSOLUTE = 1e-3
 """By how much a limit may be passed, relative and in steps: arithmetic, no more."""
 START_STEPS = 1.0
 """How far from the first point an axis may stand, steps: what rounding in another unit costs."""
-
-
-class TrajectoryRefused(BadValue):
-    """The axes can't follow that path; nothing was sent. Says where it fails first."""
-
-    code = "trajectory_refused"
-
-    def __init__(
-        self,
-        message: str,
-        *,
-        hint: str,
-        point: int,
-        time_s: float,
-        quantity: str,
-        value: float,
-        limit: float,
-        node: int | None = None,
-        axis: int | None = None,
-    ) -> None:
-        """`value` and `limit` are in steps and seconds, as `quantity` has it; `point` counts from 0."""
-        super().__init__(message, hint=hint, node=node, axis=axis)
-        self.point = point
-        self.time_s = time_s
-        self.quantity = quantity
-        self.value = value
-        self.limit = limit
 
 
 @dataclass(slots=True)

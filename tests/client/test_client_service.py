@@ -39,7 +39,7 @@ nodes:
 DOCS = Path(__file__).parents[2]
 BLOCKS = [
     pytest.param(block, id=f"{page}-{number}")
-    for page in ("docs/python-client.md", "docs/motion.md", "README.md")
+    for page in ("docs/python-client.md", "docs/motion.md", "docs/trajectories.md", "README.md")
     for number, block in enumerate(
         block
         for block in re.findall(r"```python\n(.*?)```", (DOCS / page).read_text("utf-8"), re.DOTALL)

@@ -266,3 +266,33 @@ async def test_a_stop_before_it_has_begun_leaves_every_axis_standing(stack: Stac
         stack.network.reset_stop()
         assert all(axis.status.mode is Mode.NO_MODE for axis in axes)
         assert motors(stack) == [0, 0, 0]
+
+
+@pytest.mark.looptime
+async def test_a_following_error_of_one_axis_stops_all(stack: Stack, monkeypatch: pytest.MonkeyPatch) -> None:
+    axes = await stack.enabled()
+    trajectory = follow(axes, points_of(*WAYS))
+    await until(lambda: trajectory.started is not None)
+    await asyncio.sleep(0.4)
+    control = stack.modules[1].module.axes[1].modes[Mode.CYCLIC_SYNC_POSITION]
+    monkeypatch.setattr(type(control), "bits", lambda self, now: (3 if self is control else 1) << 12)
+    assert await trajectory.wait(10)
+    assert trajectory.state is MotionState.FAILED
+    assert "bit 13" in str(trajectory.error)
+    await asyncio.gather(*(axis.stands() for axis in axes))
+    assert all(not a.status.moving and a.status.state is PowerState.OPERATION_ENABLED for a in axes)
+
+
+@pytest.mark.looptime
+@pytest.mark.parametrize("at", [0.005, 0.01, 2.06])
+async def test_a_fault_at_either_end_is_no_success(stack: Stack, at: float) -> None:
+    axes = await stack.enabled()
+    trajectory = follow(axes, points_of(*WAYS))
+    await asyncio.sleep(at)
+    stack.modules[1].apply(lambda module, now: module.axes[2].short("a", now))
+    assert await trajectory.wait(10)
+    assert trajectory.state is MotionState.FAILED
+    await asyncio.gather(*(axis.stands() for axis in axes))
+    assert axes[2].status.state is PowerState.FAULT
+    assert not any(axis.status.moving for axis in axes)
+    await until(lambda: not axes[0].backbone.sync.obstacles())
