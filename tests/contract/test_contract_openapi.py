@@ -64,7 +64,7 @@ def test_an_operation_documents_its_problems(method: str, path: str, operation: 
         needed |= {"404"}
     if method in UNSAFE:
         needed |= {"403", "413", "415"}
-    if "/axes/{axis}/" in path and method in UNSAFE:
+    if "/axes/{axis}/" in path and method in UNSAFE and "/positions" not in path:  # what asks the module
         needed |= {"409", "502", "503", "504"}
     assert needed <= set(operation["responses"])
     for status, response in operation["responses"].items():
