@@ -17,6 +17,7 @@ from canaxis.errors import (
     Conflict,
     Forbidden,
     GuardedObject,
+    InputTimeout,
     KeyInFlight,
     KeyReused,
     Leased,
@@ -45,6 +46,8 @@ from canaxis.errors import (
     UnknownNode,
     UnknownObject,
     UnknownOperation,
+    UnknownPosition,
+    UnknownTerminal,
     WaitTimeout,
 )
 from canaxis.exchange import Patience
@@ -71,6 +74,7 @@ __all__ = [
     "Conflict",
     "Forbidden",
     "GuardedObject",
+    "InputTimeout",
     "Jog",
     "JogStopped",
     "KeyInFlight",
@@ -107,5 +111,7 @@ __all__ = [
     "UnknownNode",
     "UnknownObject",
     "UnknownOperation",
+    "UnknownPosition",
+    "UnknownTerminal",
     "WaitTimeout",
 ]

@@ -11,7 +11,18 @@ from typing import TYPE_CHECKING, TypeVar, Unpack
 import httpx
 
 from canaxis import calls, stream
-from canaxis.calls import AxisCalls, HomeOptions, MoveOptions, NodeCalls, VelocityOptions
+from canaxis.calls import (
+    AnalogOptions,
+    AxisCalls,
+    GoOptions,
+    HomeOptions,
+    MoveOptions,
+    NodeCalls,
+    SetPositionOptions,
+    TeachOptions,
+    VelocityOptions,
+    WaitOptions,
+)
 from canaxis.errors import Action
 from canaxis.exchange import Answer, Call, Exchange, Patience, Request
 from canaxis.operation import OperationView
@@ -20,9 +31,12 @@ from canaxis.replies import (
     AxisStatus,
     BusStatus,
     Emergency,
+    Inputs,
+    NamedPosition,
     NodeStatus,
     ObjectValue,
     OperationStatus,
+    Output,
     Preview,
     Readiness,
     Ready,
@@ -253,6 +267,32 @@ class AsyncNode:
         """Write an object past the axis, and read it back. Off unless the service's settings allow it."""
         return await self._client.run(self._calls.write(index, sub, value, confirm=confirm))
 
+    async def inputs(self) -> Inputs:
+        """Digital and analog inputs, asked for now, and the switches of the axes."""
+        return await self._client.run(self._calls.inputs())
+
+    async def outputs(self) -> tuple[Output, ...]:
+        """The digital outputs as the module holds them."""
+        return (await self._client.run(self._calls.outputs())).outputs
+
+    async def switch_output(self, output: int | str, *, on: bool) -> Output:
+        """Switch an output, by number or name; the answer was read back."""
+        return await self._client.run(self._calls.switch_output(output, on=on))
+
+    async def wait_for_input(
+        self, input_: int | str, *, becomes: bool = True, **options: Unpack[WaitOptions]
+    ) -> AsyncOperation:
+        """Wait for a digital input by number or name, or for a switch such as ``x.home``."""
+        call = self._calls.wait_for_input(input_, becomes=becomes, options=options)
+        return AsyncOperation(self._client, await self._client.run(call))
+
+    async def wait_for_analog(
+        self, analog: int, unit: str, **options: Unpack[AnalogOptions]
+    ) -> AsyncOperation:
+        """Wait until an analog input is `above` or `below` a value in `unit`: `V` or `raw`."""
+        call = self._calls.wait_for_analog(analog, unit, options)
+        return AsyncOperation(self._client, await self._client.run(call))
+
 
 class AsyncAxis:
     """An axis of a module, by number or name."""
@@ -311,6 +351,30 @@ class AsyncAxis:
     async def predict_home(self, **options: Unpack[HomeOptions]) -> Preview:
         """The same of seeking the reference: the longest that it may take."""
         return await self._client.run(self._calls.predict_home(options))
+
+    async def go(self, position: str, **options: Unpack[GoOptions]) -> AsyncOperation:
+        """Go to a position by its name, as `teach` gave it. The answer is its beginning."""
+        return AsyncOperation(self._client, await self._client.run(self._calls.go(position, options)))
+
+    async def set_position(
+        self, position: float, unit: str, **options: Unpack[SetPositionOptions]
+    ) -> AsyncOperation:
+        """Say where the standing axis is; nothing moves, and it counts as homed then."""
+        return AsyncOperation(
+            self._client, await self._client.run(self._calls.set_position(position, unit, options))
+        )
+
+    async def positions(self) -> tuple[NamedPosition, ...]:
+        """The named positions of the axis, by name."""
+        return (await self._client.run(self._calls.positions())).positions
+
+    async def teach(self, name: str, **options: Unpack[TeachOptions]) -> NamedPosition:
+        """Give a position a name: where the axis stands, or `position` in `unit`."""
+        return await self._client.run(self._calls.teach(name, options))
+
+    async def forget_position(self, name: str) -> NamedPosition:
+        """Forget a named position; returns what it was."""
+        return await self._client.run(self._calls.forget_position(name))
 
     async def stop(self) -> AxisStatus:
         """Ramp down and stay enabled; ends the running operation. Answers at standstill."""

@@ -17,13 +17,18 @@ from canaxis.replies import (
     AxisStatuses,
     BusStatus,
     Emergencies,
+    Inputs,
     Lease,
     LeaseGranted,
+    NamedPosition,
+    NamedPositions,
     NodeStatus,
     NodeStatuses,
     ObjectValue,
     OperationStatus,
     OperationStatuses,
+    Output,
+    Outputs,
     Preview,
     Readiness,
     Ready,
@@ -66,6 +71,52 @@ class MoveOptions(MovingOptions, total=False):
     """unit/s2"""
     deceleration: float
     """unit/s2"""
+
+
+class GoOptions(MovingOptions, total=False):
+    """What going to a named position may be given."""
+
+    unit: str
+    """Of the speed and the accelerations; needed with any of them."""
+    velocity: float
+    """unit/s"""
+    acceleration: float
+    """unit/s2"""
+    deceleration: float
+    """unit/s2"""
+
+
+class SetPositionOptions(Keyed, total=False):
+    """What saying where an axis stands may be given."""
+
+    shift_limits: bool
+    """Needed where the axis was homed and has travel limits: they move with its positions."""
+
+
+class TeachOptions(TypedDict, total=False):
+    """What is taught; nothing: where the axis stands."""
+
+    position: float
+    """In `unit`."""
+    unit: str
+    unreferenced: bool
+    """Take it, and let the axis go there, though it was not homed."""
+
+
+class WaitOptions(Keyed, total=False):
+    """What waiting for an input may be given."""
+
+    timeout_s: float
+    """Seconds it may take; 30 if left out."""
+
+
+class AnalogOptions(WaitOptions, total=False):
+    """What an analog input is waited for to be: one of the two."""
+
+    above: float
+    """In `unit`."""
+    below: float
+    """In `unit`."""
 
 
 class VelocityOptions(MovingOptions, total=False):
@@ -176,6 +227,30 @@ class AxisCalls:
         """POST home, dry."""
         return _preview(f"{self.path}/home", options)
 
+    def go(self, position: str, options: GoOptions) -> Call[OperationStatus]:
+        """POST move, to a named position."""
+        return _started(f"{self.path}/move", {"position": position, **options})
+
+    def set_position(self, position: float, unit: str, options: SetPositionOptions) -> Call[OperationStatus]:
+        """POST set-position."""
+        return _started(f"{self.path}/set-position", {"position": position, "unit": unit, **options})
+
+    def positions(self) -> Call[NamedPositions]:
+        """GET positions."""
+        return asking(look(f"{self.path}/positions"), NamedPositions)
+
+    def teach(self, name: str, options: TeachOptions) -> Call[NamedPosition]:
+        """PUT positions."""
+        body = {field: value for field, value in options.items() if value is not None}
+        return asking(command(self._position(name), body, method="PUT"), NamedPosition)
+
+    def forget_position(self, name: str) -> Call[NamedPosition]:
+        """DELETE positions."""
+        return asking(command(self._position(name), method="DELETE"), NamedPosition)
+
+    def _position(self, name: str) -> str:
+        return f"{self.path}/positions/{_name(name)}"
+
     def _state(self, verb: str) -> Call[AxisStatus]:
         return asking(command(f"{self.path}/{verb}"), AxisStatus)
 
@@ -214,6 +289,28 @@ class NodeCalls:
         """PUT objects."""
         body = {"value": value, "confirm": confirm}
         return asking(command(self._object(index, sub), body, method="PUT"), ObjectValue)
+
+    def inputs(self) -> Call[Inputs]:
+        """GET inputs."""
+        return asking(look(f"{self.path}/inputs"), Inputs)
+
+    def outputs(self) -> Call[Outputs]:
+        """GET outputs."""
+        return asking(look(f"{self.path}/outputs"), Outputs)
+
+    def switch_output(self, output: int | str, *, on: bool) -> Call[Output]:
+        """POST outputs."""
+        return asking(command(f"{self.path}/outputs/{_name(output)}", {"on": on}), Output)
+
+    def wait_for_input(
+        self, input_: int | str, *, becomes: bool, options: WaitOptions
+    ) -> Call[OperationStatus]:
+        """POST waits, for a digital input."""
+        return _started(f"{self.path}/waits", {"input": input_, "becomes": becomes, **options})
+
+    def wait_for_analog(self, analog: int, unit: str, options: AnalogOptions) -> Call[OperationStatus]:
+        """POST waits, for an analog input."""
+        return _started(f"{self.path}/waits", {"analog": analog, "unit": unit, **options})
 
     def _object(self, index: int, sub: int) -> str:
         return f"{self.path}/objects/0x{index:04X}/{sub}"

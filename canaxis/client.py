@@ -11,7 +11,18 @@ from typing import TYPE_CHECKING, TypeVar, Unpack
 import httpx
 
 from canaxis import calls, stream
-from canaxis.calls import AxisCalls, HomeOptions, MoveOptions, NodeCalls, VelocityOptions
+from canaxis.calls import (
+    AnalogOptions,
+    AxisCalls,
+    GoOptions,
+    HomeOptions,
+    MoveOptions,
+    NodeCalls,
+    SetPositionOptions,
+    TeachOptions,
+    VelocityOptions,
+    WaitOptions,
+)
 from canaxis.errors import Action
 from canaxis.exchange import Answer, Call, Exchange, Patience, Request
 from canaxis.jog import Jog
@@ -21,9 +32,12 @@ from canaxis.replies import (
     AxisStatus,
     BusStatus,
     Emergency,
+    Inputs,
+    NamedPosition,
     NodeStatus,
     ObjectValue,
     OperationStatus,
+    Output,
     Preview,
     Readiness,
     Ready,
@@ -261,6 +275,30 @@ class Node:
         """Write an object past the axis, and read it back. Off unless the service's settings allow it."""
         return self._client.run(self._calls.write(index, sub, value, confirm=confirm))
 
+    def inputs(self) -> Inputs:
+        """Digital and analog inputs, asked for now, and the switches of the axes."""
+        return self._client.run(self._calls.inputs())
+
+    def outputs(self) -> tuple[Output, ...]:
+        """The digital outputs as the module holds them."""
+        return (self._client.run(self._calls.outputs())).outputs
+
+    def switch_output(self, output: int | str, *, on: bool) -> Output:
+        """Switch an output, by number or name; the answer was read back."""
+        return self._client.run(self._calls.switch_output(output, on=on))
+
+    def wait_for_input(
+        self, input_: int | str, *, becomes: bool = True, **options: Unpack[WaitOptions]
+    ) -> Operation:
+        """Wait for a digital input by number or name, or for a switch such as ``x.home``."""
+        call = self._calls.wait_for_input(input_, becomes=becomes, options=options)
+        return Operation(self._client, self._client.run(call))
+
+    def wait_for_analog(self, analog: int, unit: str, **options: Unpack[AnalogOptions]) -> Operation:
+        """Wait until an analog input is `above` or `below` a value in `unit`: `V` or `raw`."""
+        call = self._calls.wait_for_analog(analog, unit, options)
+        return Operation(self._client, self._client.run(call))
+
 
 class Axis:
     """An axis of a module, by number or name."""
@@ -317,6 +355,26 @@ class Axis:
     def jog(self) -> Jog:
         """A connection that turns the axis while it is held: use it in a `with`. Needs `websockets`."""
         return self._client.jog(self._calls.path)
+
+    def go(self, position: str, **options: Unpack[GoOptions]) -> Operation:
+        """Go to a position by its name, as `teach` gave it. The answer is its beginning."""
+        return Operation(self._client, self._client.run(self._calls.go(position, options)))
+
+    def set_position(self, position: float, unit: str, **options: Unpack[SetPositionOptions]) -> Operation:
+        """Say where the standing axis is; nothing moves, and it counts as homed then."""
+        return Operation(self._client, self._client.run(self._calls.set_position(position, unit, options)))
+
+    def positions(self) -> tuple[NamedPosition, ...]:
+        """The named positions of the axis, by name."""
+        return (self._client.run(self._calls.positions())).positions
+
+    def teach(self, name: str, **options: Unpack[TeachOptions]) -> NamedPosition:
+        """Give a position a name: where the axis stands, or `position` in `unit`."""
+        return self._client.run(self._calls.teach(name, options))
+
+    def forget_position(self, name: str) -> NamedPosition:
+        """Forget a named position; returns what it was."""
+        return self._client.run(self._calls.forget_position(name))
 
     def stop(self) -> AxisStatus:
         """Ramp down and stay enabled; ends the running operation. Answers at standstill."""

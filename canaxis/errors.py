@@ -137,6 +137,18 @@ class UnknownOperation(NotFound):
     codes = ("unknown_operation",)
 
 
+class UnknownTerminal(NotFound):
+    """The node has no such input or output."""
+
+    codes = ("unknown_terminal",)
+
+
+class UnknownPosition(NotFound):
+    """The axis has no position of that name."""
+
+    codes = ("unknown_position",)
+
+
 class UnknownObject(NotFound):
     """The module has no such object."""
 
@@ -290,6 +302,12 @@ class NoAnswer(CanaxisError):
     """504: the node didn't answer, or didn't get there, in time."""
 
     status_class = 504
+
+
+class InputTimeout(NoAnswer):
+    """An input that was waited for did not get there in time."""
+
+    codes = ("input_timeout",)
 
 
 class MotionTimeout(NoAnswer):

@@ -10,7 +10,18 @@ import pytest
 from api_bench import URL, Bench, running
 
 import canaxis
-from canaxis import AsyncClient, AxisFault, Conflict, NodeAway, OperationCancelled, WaitTimeout
+from canaxis import (
+    AsyncClient,
+    AxisFault,
+    Conflict,
+    InputTimeout,
+    NodeAway,
+    OperationCancelled,
+    UnknownPosition,
+    UnknownTerminal,
+    WaitTimeout,
+)
+from drivers.sim.terminals import MODE as IO_MODE
 
 pytestmark = pytest.mark.looptime
 
@@ -121,3 +132,35 @@ def test_both_clients_say_the_same(name: str) -> None:
         if callable(plain):
             wanted, got = (list(inspect.signature(f).parameters.values()) for f in (plain, awaited))
             assert [(p.name, p.kind, p.default) for p in got] == [(p.name, p.kind, p.default) for p in wanted]
+
+
+async def test_positions_have_names_and_places_numbers(bench: Bench) -> None:
+    axis = over(httpx.ASGITransport(bench.app)).node("stage").axis("y")
+    await (await axis.set_position(500, "steps")).wait(timeout=20)
+    assert (await axis.status()).referenced
+    assert (await axis.teach("here")).position.steps == 500
+    assert (await axis.teach("there", position=900, unit="steps")).within_limits
+    assert [position.name for position in await axis.positions()] == ["here", "there"]
+    await axis.enable()
+    gone = await (await axis.go("there", velocity=20_000, unit="steps")).wait(timeout=20)
+    assert gone.status.request["position"] == "there"
+    assert (await axis.forget_position("here")).position.steps == 500
+    with pytest.raises(UnknownPosition):
+        await axis.go("here")
+    await axis.disable()
+
+
+async def test_inputs_outputs_and_waits(bench: Bench) -> None:
+    node = over(httpx.ASGITransport(bench.app)).node(1)
+    bench.module.apply(lambda module, _: module.dictionary.store(IO_MODE, 0b0010))
+    assert (await node.switch_output("OUT1", on=True)).on
+    assert [output.usable for output in await node.outputs()] == [False, True, False, False]
+    wait = await node.wait_for_input("IN3")
+    bench.module.apply(lambda module, _: module.terminals.apply(3, True))
+    assert (await wait.wait(timeout=5)).result is not None
+    assert [level.on for level in (await node.inputs()).digital] == [False, True, False, True]
+    late = await node.wait_for_analog(0, "raw", above=100, timeout_s=0.2)
+    with pytest.raises(InputTimeout):
+        await late.wait(timeout=5)
+    with pytest.raises(UnknownTerminal):
+        await node.switch_output(9, on=False)

@@ -22,6 +22,7 @@ NAMES = {
     "AxisStatuses": "AxisList",
     "AxisTrack": "AxisTrack",
     "Emergencies": "EmergencyList",
+    "NamedPositions": "NamedPositionList",
     "Found": "FoundReply",
     "NodeStatuses": "NodeList",
     "ObjectValue": "ObjectReply",

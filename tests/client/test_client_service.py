@@ -93,6 +93,23 @@ def test_an_axis_from_enabling_to_its_evidence(client: Client) -> None:
     assert axis.status().referenced
 
 
+def test_positions_have_names_and_inputs_are_waited_for(client: Client) -> None:
+    axis = client.node("stage").axis("z")
+    axis.set_position(700, "steps").wait(timeout=60)
+    assert axis.teach("park").position.steps == 700
+    axis.enable()
+    axis.move(900, "steps").wait(timeout=60)
+    assert axis.go("park").wait(timeout=60).evidence.axes[0].end == axis.status().position
+    assert [position.name for position in axis.positions()] == ["park"]
+    assert axis.forget_position("park").position.steps == 700
+    node = client.node("stage")
+    assert node.wait_for_input("IN0", becomes=False).wait(timeout=60).kind == "wait_input"
+    assert [level.name for level in node.inputs().analog] == ["AIN0", "AIN1"]
+    assert not any(output.usable for output in node.outputs())
+    with pytest.raises(NotReady):
+        node.switch_output(0, on=True)
+
+
 def test_a_speed_is_reached_and_a_stop_ends_it(client: Client) -> None:
     axis = client.node(1).axis(1)
     axis.enable()

@@ -37,7 +37,7 @@ async def held(stack: Stack, axis: int = 0) -> tuple[object, ...]:
     return tuple([await stack.node.read(address) for address in addresses])
 
 
-@pytest.mark.parametrize("position", [0, 1, -300, 12_345, -2_000_000_000])
+@pytest.mark.parametrize("position", [0, 12_345, -2_000_000_000])
 async def test_the_axis_reads_the_position_and_is_homed_without_power(stack, position: int) -> None:
     axis = stack.axes[1]
     motion = axis.set_position(SetPositionRequest(position))
@@ -122,7 +122,7 @@ async def test_a_module_whose_method_35_knows_only_zero_fails_it_and_keeps_its_o
     assert axis.status.referenced
 
 
-@pytest.mark.parametrize("after", [0.0005, 0.001, 0.002, 0.003, 0.005, 0.02])
+@pytest.mark.parametrize("after", [0.001, 0.003, 0.02])
 async def test_a_stop_in_between_leaves_the_offset_and_the_limits_as_configured(after: float) -> None:
     async with stack_of(1, axes=LIMITED) as stack:
         (axis, *_) = await stack.enabled()

@@ -175,7 +175,7 @@ async def test_outputs_have_numbers_and_names(stack) -> None:
 # --- waiting ---
 
 
-@pytest.mark.parametrize("ref", [1, "1", "IN1", "input_1"])
+@pytest.mark.parametrize("ref", [1, "IN1"])
 async def test_a_wait_succeeds_when_the_input_changes(stack, ref: int | str) -> None:
     wait = stack.node.waits.begin(digital(stack.node, ref, becomes=True), 30)
     await asyncio.sleep(2)
