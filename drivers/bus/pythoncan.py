@@ -123,6 +123,9 @@ class PythonCanBus(SupervisedBus):
 class _Link:
     """One open interface of python-can, never reopened."""
 
+    shows_all = False
+    """See `Link.shows_all`: python-can may hold frames that it has read already."""
+
     def __init__(self, bus: can.BusABC, interface: str) -> None:
         self._bus = bus
         self._interface = interface
@@ -237,6 +240,7 @@ class _SocketcanLink(_Link):
     takes.
     """
 
+    shows_all = True
     _SO_RCVBUFFORCE, _SO_MEMINFO = 33, 55  # asm-generic/socket.h; Python names neither
 
     def __init__(self, bus: can.BusABC, channel: str, raw: socket.socket) -> None:

@@ -70,13 +70,25 @@ class DescriptorReader:
     A wake-up costs the loop as much as several frames, so each should find several. A frame that comes alone,
     or within `HURRY` after something was sent, is handed over at once: an answer never waits.
 
+    `shows_all` says that the descriptor is readable whenever a frame waits: then the answer to what was sent
+    is taken without asking for a second frame, which would nearly always be in vain.
+
     Raises `NotImplementedError` where the loop can't watch descriptors.
     """
 
-    def __init__(self, source: Source, descriptor: int, on_frames: OnFrames, on_lost: OnLost) -> None:
+    def __init__(
+        self,
+        source: Source,
+        descriptor: int,
+        on_frames: OnFrames,
+        on_lost: OnLost,
+        *,
+        shows_all: bool = False,
+    ) -> None:
         self.overrun = 0
         self._source = source
         self._descriptor = descriptor
+        self._shows_all = shows_all
         self._on_frames = on_frames
         self._on_lost = on_lost
         self._stopped = False
@@ -85,12 +97,15 @@ class DescriptorReader:
         self._rest = REST[0]
         self._found_at = -math.inf
         self._hurried_until = -math.inf
+        self._awaits_one = False
+        """Whether the next look is for one frame, the answer to what was sent."""
         self._loop = asyncio.get_running_loop()
         self._watch()
 
     def expect_answer(self) -> None:
         """See `Reader.expect_answer`."""
         self._hurried_until = self._loop.time() + HURRY
+        self._awaits_one = self._shows_all
         if self._next_look is not None:
             self._watch()
 
@@ -105,8 +120,10 @@ class DescriptorReader:
             return
         batch: list[Frame] = []
         lost: Lost | None = None
+        limit = 1 if self._awaits_one else BATCH
+        self._awaits_one = False
         try:
-            self._source.drain(batch, BATCH)
+            self._source.drain(batch, limit)
         except Lost as error:
             lost = error
         self._plan(len(batch))

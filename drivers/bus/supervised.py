@@ -36,6 +36,11 @@ class Link(Source, Protocol):
         """Frames that the system dropped because we read too slowly."""
         ...
 
+    @property
+    def shows_all(self) -> bool:
+        """Whether the descriptor is readable whenever a frame waits; False if the link may hold some."""
+        ...
+
     def descriptor(self) -> int | None:
         """What the event loop can watch; None if a thread must read."""
         ...
@@ -56,6 +61,8 @@ class SupervisedBus:
         self._name = name
         self._connect = connect
         self._state = BusState.CLOSED
+        self._can_send = False
+        """`_state.can_send`, looked up once rather than for every frame."""
         self._listeners = Listeners()
         self._outbox = Outbox()
         self._link: Link | None = None
@@ -178,6 +185,7 @@ class SupervisedBus:
     def _change(self, state: BusState, reason: str) -> None:
         if state is not self._state:
             self._state = state
+            self._can_send = state.can_send
             self._listeners.state(state, reason)
 
     # --- receive
@@ -202,7 +210,7 @@ class SupervisedBus:
     def send(self, frame: Frame, *, urgent: bool = False, answered: bool = True) -> None:
         """See `Bus.send`. Raises `BadValue` for what no controller can send."""
         link = self._link
-        if link is None or not self._state.can_send:
+        if link is None or not self._can_send:
             raise BusDown(f"{self.name} is {self._state.value.replace('_', '-')}: the frame was not sent")
         if not frame.is_sendable:
             raise BadValue(f"{frame} is no frame that a controller can send")
@@ -259,5 +267,5 @@ def _reader(
     descriptor = link.descriptor()
     if descriptor is not None:
         with contextlib.suppress(NotImplementedError):  # the loop of Windows watches no descriptors
-            return DescriptorReader(link, descriptor, on_frames, on_lost)
+            return DescriptorReader(link, descriptor, on_frames, on_lost, shows_all=link.shows_all)
     return ThreadReader(link, on_frames, on_lost)

@@ -11,8 +11,7 @@ late segment can come any more.
 from __future__ import annotations
 
 import abc
-from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 from drivers.cia301.objects import Address
 from drivers.cia301.sdo_codes import (
@@ -31,15 +30,13 @@ from drivers.cia301.sdo_codes import (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Send:
+class Send(NamedTuple):
     """Send this request next."""
 
     data: bytes
 
 
-@dataclass(frozen=True, slots=True)
-class Done:
+class Done(NamedTuple):
     """The transfer has succeeded. `data` is what an upload brought, empty for a download."""
 
     data: bytes = b""
@@ -47,23 +44,20 @@ class Done:
     """False where an expedited answer gave no size: `data` is four bytes then, cut it by the type."""
 
 
-@dataclass(frozen=True, slots=True)
-class Aborted:
+class Aborted(NamedTuple):
     """The server refused; the transfer is over."""
 
     code: int
 
 
-@dataclass(frozen=True, slots=True)
-class Violation:
+class Violation(NamedTuple):
     """The server broke the protocol: send `abort`; the transfer is over and nothing of it may be used."""
 
     reason: str
     abort: bytes
 
 
-@dataclass(frozen=True, slots=True)
-class Ignored:
+class Ignored(NamedTuple):
     """A frame that is not the awaited answer: late, foreign or malformed. Count it and wait on."""
 
     reason: str
@@ -87,13 +81,13 @@ class SdoTransfer(abc.ABC):
 
     _initiate: int
     _segment: int
+    _segmented = False
+    _finished = False
+    _toggle = 0
 
     def __init__(self, address: Address) -> None:
         self.address = address
         self._multiplexer = multiplexer(address)
-        self._segmented = False
-        self._finished = False
-        self._toggle = 0
 
     @abc.abstractmethod
     def request(self) -> bytes:
@@ -163,12 +157,12 @@ class SdoUpload(SdoTransfer):
 
     _initiate = _UPLOAD_INITIATE
     _segment = _UPLOAD_SEGMENT
+    _size: int | None = None
+    _received: bytearray
 
     def __init__(self, address: Address, max_size: int = DEFAULT_MAX_SIZE) -> None:
         super().__init__(address)
         self._max_size = max_size
-        self._size: int | None = None
-        self._received = bytearray()
 
     def request(self) -> bytes:
         """40h, index, sub."""
@@ -184,6 +178,7 @@ class SdoUpload(SdoTransfer):
             if self._size > self._max_size:
                 return self._too_long()
         self._segmented = True
+        self._received = bytearray()
         return self._ask()
 
     def _on_segment(self, data: bytes) -> Step:

@@ -96,7 +96,11 @@ class SdoClient:
             self._submit(job, patience, now)
         else:
             self._join(job, priority, waiter, patience)
-        return await self._outcome(job, waiter)
+        try:
+            return await waiter
+        except asyncio.CancelledError:
+            self._leave(job, waiter)
+            raise
 
     async def download(
         self,
@@ -113,7 +117,11 @@ class SdoClient:
         patience = self._patience(now, within)
         job = Job(SdoDownload(address, data), priority, waiter, patience)
         self._submit(job, patience, now)
-        await self._outcome(job, waiter)
+        try:
+            await waiter
+        except asyncio.CancelledError:
+            self._leave(job, waiter)
+            raise
 
     def note_command(self) -> None:
         """The node is commanded by PDO or NMT: no later read joins one that was asked for before."""
@@ -184,13 +192,15 @@ class SdoClient:
         """Begin a new job at once if the channel is free, else let it wait, or drive another out."""
         if self._active is None and not self._queue and self._is_quiet_for(job, now):
             self._begin(job, now)
+            due = patience.end
         else:
             refused = self._queue.put(job)
             if refused is not None:
                 self.counters.refused += 1
                 self._fail(refused, self._verdicts.no_room(refused))
             self._start_next()
-        self._wake_at(patience.until(begun=job.begun))
+            due = patience.until(begun=job.begun)
+        self._wake_at(due)
 
     def _may_join(self, job: Job, priority: Priority) -> bool:
         """Whether the value that `job` will bring is new enough for who asks now."""
@@ -203,13 +213,6 @@ class SdoClient:
             self._queue.hasten(job, priority)
             self._start_next()
         self._wake_at(patience.until(begun=job.begun))
-
-    async def _outcome(self, job: Job, waiter: asyncio.Future[bytes]) -> bytes:
-        try:
-            return await waiter
-        except asyncio.CancelledError:
-            self._leave(job, waiter)
-            raise
 
     def _leave(self, job: Job, waiter: asyncio.Future[bytes]) -> None:
         """A caller was cancelled; the last one takes the transfer with it."""

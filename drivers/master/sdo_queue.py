@@ -10,7 +10,6 @@ from bisect import insort
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from drivers.cia301.objects import Address
 from drivers.cia301.sdo import SdoTransfer, SdoUpload
 
 SIZE = 64
@@ -42,12 +41,14 @@ class Patience(NamedTuple):
 class Job:
     """One transfer, and everyone who waits for its outcome."""
 
-    __slots__ = ("begun", "ended", "priority", "rank", "transfer", "waiters")
+    __slots__ = ("address", "begun", "ended", "priority", "rank", "transfer", "waiters")
 
     def __init__(
         self, transfer: SdoTransfer, priority: Priority, waiter: asyncio.Future[bytes], patience: Patience
     ) -> None:
         self.transfer = transfer
+        self.address = transfer.address
+        """The object."""
         self.priority = priority
         self.rank = 0
         """Its place among those of one priority; the queue gives it."""
@@ -55,11 +56,6 @@ class Job:
         self.begun = False
         """Whether its request has left."""
         self.ended = False
-
-    @property
-    def address(self) -> Address:
-        """The object."""
-        return self.transfer.address
 
     @property
     def writes(self) -> bool:

@@ -148,3 +148,19 @@ async def test_a_stopped_reader_looks_no_more(wire: Wire) -> None:
 async def test_no_rest_is_longer_than_the_kernel_can_hold_frames_for(wire: Wire) -> None:
     full_bus_of_empty_frames = 21_277
     assert reading.REST[1] * full_bus_of_empty_frames < 250, "what a default receive buffer holds"
+
+
+async def test_an_answer_is_taken_without_asking_for_a_second_frame(wire: Wire, monkeypatch) -> None:
+    """Where the descriptor shows what is left, and only in the first look after something was sent."""
+    limits: list[int] = []
+    drain = wire.drain
+    monkeypatch.setattr(wire, "drain", lambda into, limit: (limits.append(limit), drain(into, limit)))
+    wire.reader.stop()
+    wire.reader = DescriptorReader(wire, 0, wire._on_frames, wire.lost.append, shows_all=True)
+    wire.reader.expect_answer()
+    wire.bring(3)
+    assert wire.batches == [1]
+    assert wire.watched, "so that the loop calls again for the other two"
+    wire.bring(0)
+    assert wire.batches == [1, 2]
+    assert limits == [1, BATCH]

@@ -19,6 +19,7 @@ class FakeLink:
 
     def __init__(self) -> None:
         self.is_off = False
+        self.shows_all = False
         self.overrun = 0
         self.full = False
         self.broken = False
