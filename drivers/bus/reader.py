@@ -12,7 +12,7 @@ from drivers.bus.frame import Frame
 
 BATCH = 256
 """Frames taken at most at one wake-up, so that a flood leaves the loop its turn."""
-REST = (0.001, 0.004)
+REST = (0.001, 0.008)
 """Seconds, at least and at most, between two looks while frames stream in."""
 WORTH = 24
 """Frames that a look at a stream should find; the rest before it is chosen accordingly."""
