@@ -101,6 +101,10 @@ class Activity:
             stopping.begin(self._tools)
             self._errands.begin(ErrandName.STOPPING, self._make_way())
 
+    def expect(self, undertaking: Undertaking) -> None:
+        """What the axis does ends, and it takes part in this then: whatever ends it until then ends this."""
+        self.motion = undertaking
+
     def take_part(
         self,
         undertaking: Undertaking,

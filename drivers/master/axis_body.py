@@ -128,6 +128,10 @@ class AxisBody:
         if self.node.takes_pdo_commands:
             self._activity.begin(ErrandName.STOPPING, rest())
 
+    def expect(self, undertaking: Undertaking) -> None:
+        """What the axis does ends, and it takes part in this then: see `take_part`."""
+        self._activity.expect(undertaking)
+
     def take_part(
         self,
         undertaking: Undertaking,

@@ -70,6 +70,8 @@ class Drive:
         self.commanded_mode: Mode | None = None
         self.target = 0
         """What was commanded last, steps or steps/s as the mode has it."""
+        self._prepared = False
+        """Whether something may wait in the module for the next SYNC."""
 
     # --- upwards ---
 
@@ -137,6 +139,7 @@ class Drive:
         """The module started anew: nothing that was commanded or seen holds any more."""
         self.unwatch()
         self.controlword = self.commanded_mode = None
+        self._prepared = False
         self.status_at = self.motion_at = None
         self._replace(AxisStatus(emergencies=self.status.emergencies, reference=self.status.reference))
 
@@ -250,8 +253,24 @@ class Drive:
         Until then it waits in the module: what is not to happen any more must be prepared over.
         """
         self.controlword, self.target = controlword, target
-        pdo = self._pdos.synchronous
-        self._send(Frame(pdo.cob_id, pdo.mapping.pack((controlword, target))), False)
+        self._prepared = True
+        self._send_synchronous(controlword)
+
+    def note_taken(self) -> None:
+        """What was prepared is seen to have been taken: nothing waits in the module any more."""
+        self._prepared = False
+
+    def prepare_over(self) -> bool:
+        """Put what was commanded last, without a set point, over what may wait in the module for a SYNC.
+
+        True if something may: the caller sends a SYNC then, so that nothing goes on waiting.
+        """
+        if not self._prepared:
+            return False
+        self._prepared = False
+        word = self.holding if self.controlword is None else self.controlword
+        self._send_synchronous(word & ~Controlword.NEW_SET_POINT)
+        return True
 
     def command_velocity(self, controlword: int, velocity: int, *, urgent: bool = False) -> None:
         """RPDO 3; `velocity` in steps/s."""
@@ -287,6 +306,10 @@ class Drive:
                 self.command(enabled | Controlword.HALT, mode, urgent=urgent)
 
     # --- inside ---
+
+    def _send_synchronous(self, controlword: int) -> None:
+        pdo = self._pdos.synchronous
+        self._send(Frame(pdo.cob_id, pdo.mapping.pack((controlword, self.target))), False)
 
     @property
     def _enable_commanded(self) -> bool:

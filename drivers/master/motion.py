@@ -9,7 +9,7 @@ import asyncio
 import enum
 import uuid
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
@@ -31,6 +31,7 @@ class MotionKind(enum.StrEnum):
     HOME = "home"
     SET_POSITION = "set_position"
     JOG = "jog"
+    COORDINATED_MOVE = "coordinated_move"
     WAIT_INPUT = "wait_input"
     """Moves nothing, and holds no axis."""
     TRAJECTORY = "trajectory"
@@ -56,7 +57,7 @@ class MotionState(enum.StrEnum):
         return self in (MotionState.SUCCEEDED, MotionState.FAILED, MotionState.CANCELLED)
 
 
-Result = Mapping[str, int | float | bool | str]
+Result = Mapping[str, int | float | bool | str | Sequence[Mapping[str, int | float | str | None]]]
 """`position` in steps, and for a move its absolute `target`, for a turning its `velocity`, for a homing
 `method`; for a jog how far it `travelled` and how it was held.
 """

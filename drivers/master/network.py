@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from types import TracebackType
 
@@ -22,8 +22,10 @@ from drivers.master.commissioning import verify_failsafe
 from drivers.master.config import NetworkConfig
 from drivers.master.counters import NetworkCounters
 from drivers.master.events import EventHub
+from drivers.master.group import GroupMotion
 from drivers.master.node import Node
 from drivers.master.pdo_plan import PdoPlan
+from drivers.master.requests import MoveRequest
 from drivers.master.router import Router
 from drivers.master.status import AxisStop, BusStatus, Failsafe, NodeState, StopLatch, StopOutcome, StopReport
 from drivers.master.timing import Timing
@@ -62,6 +64,7 @@ class Network:
         self._bus_reason = ""
         self._bus_served = False
         self._warnings: dict[str, str] = {}
+        self._groups: set[GroupMotion] = set()
         self._failed = asyncio.Event()
         self.failure: BaseException | None = None
         """The first unexpected error, a bug; after it the axes were told to stop and the service should end.
@@ -108,6 +111,8 @@ class Network:
                 self._unsubscribe()
                 self._unsubscribe = None
                 self._heartbeat.stop()
+                for group in tuple(self._groups):
+                    await group.close()
                 for node in self.nodes.values():
                     await node.close()
                 await self._backbone.end_tasks()
@@ -167,6 +172,22 @@ class Network:
         return await verify_failsafe(
             self.node(ref), self._axes(), self._pause_heartbeat, self._resume_heartbeat
         )
+
+    # --- several axes ---
+
+    def move_together(
+        self,
+        moves: Sequence[tuple[Axis, MoveRequest]],
+        *,
+        at_least: float = 0.0,
+        replace: bool = False,
+        undertaking_id: str | None = None,
+    ) -> GroupMotion:
+        """Have axes start on one SYNC and arrive together: see `GroupMotion`, which says what is raised."""
+        group = GroupMotion(moves, at_least=at_least, replace=replace, undertaking_id=undertaking_id)
+        self._groups.add(group)
+        group.watch(lambda _: self._groups.discard(group) if group.done else None)
+        return group
 
     # --- stop for everything ---
 

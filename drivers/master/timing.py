@@ -56,6 +56,8 @@ class Timing:
     """How long 6061h may take to follow 6060h."""
     handshake: float = 1.0
     """How long the drive may take to acknowledge a set point or a homing start."""
+    group_start: float = 0.3
+    """How long an axis may take to show that it started with a group; then all of the group are stopped."""
     stuck: float = 2.5
     """How long an accepted motion may stand still short of its end before it counts as failed (2015h is <=
     2.1 s).
