@@ -19,6 +19,7 @@ from app.metrics import LatencyMiddleware
 from app.routes import (
     axes,
     bus,
+    coordinated,
     events,
     health,
     jog,
@@ -52,6 +53,7 @@ ROUTERS = (  # in the order in which paths are tried: what is asked most comes f
     axes.reports,
     axes.commands,
     moves.router,
+    coordinated.router,
     nodes.router,
     nodes.commands,
     operations.router,

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
-from app import evidence, problems
+from app import evidence, problems, together
 from app.keys import Claim
 from app.problems import ApiError
 from app.schemas.common import Problem
@@ -23,6 +23,7 @@ from app.store.database import Database, StoreOff
 from app.units import Scale
 from app.views import axis_path, peak
 from drivers.master.axis import Axis
+from drivers.master.group import GroupMotion
 from drivers.master.motion import MotionKind, Undertaking
 from drivers.master.node import Node
 
@@ -124,6 +125,8 @@ def _result(motion: Undertaking) -> dict[str, Any] | None:
     """The result, with units beside the numbers where it is one axis's."""
     if motion.result is None:
         return None
+    if isinstance(motion, GroupMotion):
+        return together.result(motion)
     if len(motion.axes) != 1:
         return dict(motion.result)
     scale = Scale.of(motion.axes[0].config)

@@ -40,6 +40,7 @@ COMMANDS: tuple[tuple[str, str, Role], ...] = (
     ("POST", f"{_AXIS}/quick-stop", Role.STOP),
     ("POST", f"{API}/operations/{{id}}/cancel", Role.STOP),  # a controlled stop of what the operation moves
     ("POST", f"{_AXIS}/move", Role.MOVE),
+    ("POST", f"{API}/moves", Role.MOVE),
     ("POST", f"{_AXIS}/velocity", Role.MOVE),
     ("POST", f"{API}/trajectories", Role.MOVE),
     ("POST", f"{_AXIS}/home", Role.MOVE),

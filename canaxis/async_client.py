@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncGenerator, Awaitable, Callable
+from collections.abc import AsyncGenerator, Awaitable, Callable, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, TypeVar, Unpack
 
@@ -19,7 +19,9 @@ from canaxis.calls import (
     MoveOptions,
     NodeCalls,
     SetPositionOptions,
+    Target,
     TeachOptions,
+    TogetherOptions,
     VelocityOptions,
     WaitOptions,
 )
@@ -112,6 +114,15 @@ class AsyncClient:
         """Operations, the newest first; `before` an operation's id, for the next page."""
         found = (await self.run(calls.operations(limit, state, before))).operations
         return [AsyncOperation(self, status) for status in found]
+
+    async def move_together(
+        self, targets: Sequence[Target], **options: Unpack[TogetherOptions]
+    ) -> AsyncOperation:
+        """Start axes of one bus on one SYNC and have them arrive together. The answer is its beginning.
+
+        Whatever stops one axis stops all: see docs/coordinated-moves.md.
+        """
+        return AsyncOperation(self, await self.run(calls.move_together(targets, options)))
 
     async def stop_all(self, reason: str = "Stopped by a client.") -> StopReport:
         """Ramp every axis of every node down, and refuse motion until `reset_stop`.

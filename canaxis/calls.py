@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal, TypedDict
+from typing import Any, Literal, NotRequired, TypedDict
 from urllib.parse import quote
 
 from canaxis.errors import Action, BadValue
@@ -117,6 +117,32 @@ class AnalogOptions(WaitOptions, total=False):
     """In `unit`."""
     below: float
     """In `unit`."""
+
+
+class Target(TypedDict):
+    """Where one axis of a coordinated move is to go."""
+
+    node: int | str
+    axis: int | str
+    target: float
+    unit: str
+    relative: NotRequired[bool]
+    """Whether the target is a distance from here."""
+    velocity: NotRequired[float]
+    """unit/s, at most"""
+    acceleration: NotRequired[float]
+    """unit/s2, at most"""
+    deceleration: NotRequired[float]
+    """unit/s2, at most"""
+
+
+class TogetherOptions(Keyed, total=False):
+    """What a coordinated move may be given besides its targets."""
+
+    duration_s: float
+    """Seconds that it is to take at least."""
+    on_busy: Literal["reject", "replace"]
+    """What becomes of it while an axis is busy: `replace` stops that first."""
 
 
 class VelocityOptions(MovingOptions, total=False):
@@ -346,6 +372,11 @@ def operations(limit: int, state: str | None, before: str | None) -> Call[Operat
     """GET operations."""
     query = {"limit": limit, "state": state, "before": before}
     return asking(look(f"{ROOT}/operations", query), OperationStatuses)
+
+
+def move_together(targets: Sequence[Target], options: TogetherOptions) -> Call[OperationStatus]:
+    """POST moves."""
+    return _started(f"{ROOT}/moves", {"targets": [dict(target) for target in targets], **options})
 
 
 def stop_all(reason: str) -> Call[StopReport]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, TypeVar, Unpack
 
@@ -19,7 +19,9 @@ from canaxis.calls import (
     MoveOptions,
     NodeCalls,
     SetPositionOptions,
+    Target,
     TeachOptions,
+    TogetherOptions,
     VelocityOptions,
     WaitOptions,
 )
@@ -113,6 +115,13 @@ class Client:
         """Operations, the newest first; `before` an operation's id, for the next page."""
         found = self.run(calls.operations(limit, state, before)).operations
         return [Operation(self, status) for status in found]
+
+    def move_together(self, targets: Sequence[Target], **options: Unpack[TogetherOptions]) -> Operation:
+        """Start axes of one bus on one SYNC and have them arrive together. The answer is its beginning.
+
+        Whatever stops one axis stops all: see docs/coordinated-moves.md.
+        """
+        return Operation(self, self.run(calls.move_together(targets, options)))
 
     def stop_all(self, reason: str = "Stopped by a client.") -> StopReport:
         """Ramp every axis of every node down, and refuse motion until `reset_stop`.

@@ -256,6 +256,13 @@ INPUTS: Example = {
 OUTPUT: Example = {"node": 1, "number": 0, "name": "OUT0", "on": True, "usable": True, "push_pull": False}
 OUTPUT_BODY: Example = {"on": True}
 WAIT: Example = {"input": "IN0", "becomes": True, "timeout_s": 30}
+MOVES: Example = {
+    "targets": [
+        {"node": "stage", "axis": "x", "target": 51200, "unit": "steps"},
+        {"node": "stage", "axis": "y", "target": -12800, "unit": "steps", "relative": True},
+    ],
+    "duration_s": 2.5,
+}
 OBJECT: Example = {
     "node": 1,
     "index": "0x6064",

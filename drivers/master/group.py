@@ -12,13 +12,14 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Awaitable, Callable, Iterable, Sequence
+from dataclasses import dataclass
 
-from drivers.errors import AxisFault, BusError, CanaxisError, MotionFailed, MotionTimeout
+from drivers.errors import AxisFault, BusError, CanaxisError, MotionFailed, MotionTimeout, Obstacle
 from drivers.master.axis import Axis
 from drivers.master.coordination import Coordination, coordinate
 from drivers.master.drive import Condition
 from drivers.master.errands import ErrandName
-from drivers.master.group_check import SYNC_USER, merged, require_ready
+from drivers.master.group_check import SYNC_USER, check_request, hindrances, merged, require_ready
 from drivers.master.group_member import Member
 from drivers.master.motion import MotionCancelled, MotionKind, MotionState, Result, Undertaking
 from drivers.master.requests import MoveRequest
@@ -323,6 +324,26 @@ class GroupMotion(Undertaking):
             axis=axis.number if alone else None,
             data={"motion": self},
         )
+
+
+@dataclass(frozen=True, slots=True)
+class GroupPrediction:
+    """A coordinated move that was not commanded: nothing was sent."""
+
+    coordination: Coordination
+    members: tuple[Member, ...]
+    hindrances: tuple[tuple[Axis, tuple[Obstacle, ...]], ...]
+    """What prevents it now, of each axis that something prevents."""
+
+    @classmethod
+    def of(
+        cls, moves: Sequence[tuple[Axis, MoveRequest]], *, at_least: float = 0.0, replace: bool = False
+    ) -> GroupPrediction:
+        """From where the axes were seen last. Raises `BadValue` for what no state of the axes would allow."""
+        members = tuple(Member(axis, request) for axis, request in moves)
+        check_request(members)
+        found = ((member.axis, hindrances(member, replace=replace)) for member in members)
+        return cls(planned(members, at_least), members, tuple(entry for entry in found if entry[1]))
 
 
 def planned(members: Sequence[Member], at_least: float) -> Coordination:

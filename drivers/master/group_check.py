@@ -25,12 +25,23 @@ SYNC_USER = "the start of a coordinated move"
 def require_ready(
     members: Sequence[Member], *, replace: bool = False, expected: Undertaking | None = None
 ) -> None:
-    """Raise for all axes at once what a move of each would raise.
+    """Raise for all axes at once what a move of each would raise, and what `check_request` does.
 
     `replace`: what an axis is doing counts not, since it is stopped first; a coming to rest does. `expected`:
-    what the axes take part in already. Raises `BadValue` too for no axes, one that is named twice, or several
-    buses.
+    what the axes take part in already.
     """
+    check_request(members)
+    refused = [
+        refusal(member.axis, AxisCommand.MOVE, found)
+        for member in members
+        if (found := hindrances(member, replace=replace, expected=expected))
+    ]
+    if refused:
+        raise merged(refused)
+
+
+def check_request(members: Sequence[Member]) -> None:
+    """Raise `BadValue` for no axes, one that is named twice, several buses, or targets beyond limits."""
     axes = [member.axis for member in members]
     if not axes:
         raise BadValue("No axis is named.", hint="Name the axes that are to move.")
@@ -46,25 +57,20 @@ def require_ready(
             bad.append(error)
     if bad:
         raise merged(bad)
-    refused: list[CanaxisError] = []
-    sync = axes[0].backbone.sync
-    taken = () if sync.user == SYNC_USER else sync.obstacles()  # another start takes some milliseconds
-    for member in members:
-        found = (*_obstacles(member, replace=replace, expected=expected), *taken)
-        if found:
-            refused.append(refusal(member.axis, AxisCommand.MOVE, found))
-    if refused:
-        raise merged(refused)
 
 
-def _obstacles(member: Member, *, replace: bool, expected: Undertaking | None) -> tuple[Obstacle, ...]:
+def hindrances(
+    member: Member, *, replace: bool = False, expected: Undertaking | None = None
+) -> tuple[Obstacle, ...]:
+    """What prevents one axis from taking part: see `require_ready`."""
     axis = member.axis
     found = obstacles(axis, AxisCommand.MOVE, absolute=not member.request.relative)
     runs = axis.motion is not None or (axis.errand is None and axis.status.moving)
     mine = expected is not None and axis.motion is expected
     if (replace and runs) or (mine and axis.errand is not None):
         found = tuple(obstacle for obstacle in found if obstacle.code not in ("busy", "turning"))
-    return found
+    sync = axis.backbone.sync
+    return found if sync.user == SYNC_USER else (*found, *sync.obstacles())  # a start takes milliseconds
 
 
 def merged(errors: Sequence[CanaxisError]) -> CanaxisError:
