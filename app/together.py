@@ -43,7 +43,9 @@ def prediction(found: GroupPrediction) -> MovesPrediction:
         predicted_s=round(found.coordination.duration_s, 4),
         spread_s=round(spread, 4),
         axes=[
-            _axis(member).model_copy(update={"obstacles": views.obstacles(prevented.get(member.axis, ()))})
+            _axis(member).model_copy(
+                update={"obstacles": views.obstacles(member.axis, prevented.get(member.axis, ()))}
+            )
             for member in found.members
         ],
     )
