@@ -52,6 +52,12 @@ PROCESSES ?= 2
 soak: $(VENV)/.dev  ## Play seeds of simulated trouble: SEEDS=5000 FROM=0 PROCESSES=2, or one alone: SEED=12345
 	$(BIN)/python tests/seeds $(if $(SEED),--seed $(SEED),--seeds $(SEEDS) --from $(FROM) --processes $(PROCESSES))
 
+COMMANDS ?= 10000
+
+.PHONY: judge
+judge: $(VENV)/.dev  ## Random commands of four clients over three SIGKILLs: each once, ended, none lost: COMMANDS=10000
+	PYTHONPATH=. $(BIN)/python tests/judge --commands $(COMMANDS)
+
 .PHONY: fuzz
 fuzz: $(VENV)/.fuzz  ## Fuzz the decoders, guided by coverage: TARGET=name SECONDS=60 (each)
 	$(BIN)/python -m tests.fuzz $(TARGET) --seconds $(SECONDS)
