@@ -18,7 +18,8 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 from app import problems, validation, views
 from app.jog.outbox import Outbox, Overflow
 from app.jog.session import Hold, JogSession
-from app.leases import LEASE
+from app.leases import LEASE, Lease
+from app.leasing import LeaseEnd
 from app.operations import operation_path
 from app.problems import ApiError, ProblemReply
 from app.rates import RateLimit
@@ -48,6 +49,8 @@ CLOSING = 1.0
 """Seconds that closing the connection may take."""
 TOO_MANY, TOO_SLOW, RESTART, UNKNOWN, REFUSED = 1008, 1013, 1012, 4404, 4503
 """Codes with which the connection is closed."""
+LOSSES = frozenset({"leased", "lease_lost"})
+"""Refusals of a hold by which its axis is somebody else's, or nobody's any more."""
 PRESS_OVER = "It was let go before the axis could begin."
 
 log: structlog.stdlib.BoundLogger = structlog.get_logger("canaxis.jog")
@@ -74,7 +77,9 @@ class JogSocket:
         self._axis = axis
         self._websocket = websocket
         self._asker = asker
-        self._lease = websocket.headers.get(LEASE)
+        self._token = websocket.headers.get(LEASE)
+        self._under: Lease | None = None
+        """The lease of the axis when it was last held."""
         self._loop = asyncio.get_running_loop()
         self._opened = self._loop.time()
         self._silence = service.settings.server.jog_silence_ms / 1000
@@ -95,11 +100,13 @@ class JogSocket:
         """Speak with the client until either side ends it. Whatever it held is let go then."""
         await self._websocket.accept()
         self._outbox.put(self._hello)
+        unwatch = self._service.leases.watch(self._on_lease_end)
         talk = [asyncio.ensure_future(self._listen()), asyncio.ensure_future(self._speak())]
         closing: Closing | None = None
         try:
             await asyncio.wait({*talk, self._end}, return_when=asyncio.FIRST_COMPLETED)
         finally:
+            unwatch()
             self._let_go()
             for task in talk:
                 task.cancel()
@@ -143,6 +150,12 @@ class JogSocket:
                 self._session.release()
                 if self._jog is not None:
                     self._jog.end(JogEnd.RELEASED)
+            case messages.LeaseMessage():
+                self._token = said.token
+                try:
+                    self._check_lease()
+                except ApiError as error:
+                    self._refuse(_problem(error))
             case messages.PingMessage():
                 way = self._round_trip(said.echo, said.echo_age_ms, now)
                 self._outbox.put(
@@ -157,7 +170,8 @@ class JogSocket:
         except (ApiError, CanaxisError) as error:
             self._session.use_up()
             if self._jog is not None:
-                self._jog.end(JogEnd.RELEASED)
+                lost = isinstance(error, ApiError) and error.type.code in LOSSES
+                self._jog.end(JogEnd.LEASE if lost else JogEnd.RELEASED)
             self._refuse(_problem(error), hold.seq)
             outcome, counts = "refused", False
         else:
@@ -190,11 +204,15 @@ class JogSocket:
 
     def _wanted(self, hold: messages.HoldMessage) -> tuple[int, int | None]:
         """Velocity and acceleration in steps. Raises `ApiError`, `BadValue`; the axis's lease is heeded."""
-        self._service.leases.check((self._axis,), self._lease)
+        self._check_lease()
+        self._under = self._service.leases.of(self._axis)
         scale = Scale.named(hold.unit, self._axis.config)
         velocity = scale.steps("velocity", hold.velocity)
         check_velocity(velocity)
         return velocity, scale.rate("acceleration", hold.acceleration)
+
+    def _check_lease(self) -> None:
+        self._service.leases.check((self._axis,), self._token)
 
     def _round_trip(self, echo: float, age_ms: float, now: float) -> float | None:
         """Seconds there and back; None if the client's figures can't be."""
@@ -214,6 +232,7 @@ class JogSocket:
         def begin(operation_id: str) -> Undertaking:
             if not self._session.begins(self._loop.time()):
                 raise _PressOver
+            self._check_lease()  # it may have ended while the record was written
             request = JogRequest(self._velocity, acceleration, self._silence)
             jog = self._axis.jog(request, held_at=self._session.held_at, undertaking_id=operation_id)
             self._jog = jog
@@ -255,6 +274,10 @@ class JogSocket:
             entry |= {"status": reply.status, "refused": reply.body["code"]}
         self._note(entry)
 
+    def _on_lease_end(self, lease: Lease, _: LeaseEnd) -> None:
+        if self._jog is not None and self._under is not None and self._under.id == lease.id:
+            self._jog.end(JogEnd.LEASE)
+
     def _let_go(self) -> None:
         """The connection is over: nobody holds any more."""
         self._session.use_up()
@@ -292,7 +315,13 @@ class JogSocket:
             return "fault" if isinstance(jog.error, AxisFault) else "failed"
         if jog.over is not None:
             return jog.over.value
+        if self._under is not None and not self._holds(self._under):
+            return "lease"  # its end had the axis stopped
         return "shutdown" if self._service.closing else "stop"
+
+    def _holds(self, lease: Lease) -> bool:
+        now = self._service.leases.of(self._axis)
+        return now is not None and now.id == lease.id
 
     def _note(self, entry: dict[str, Any]) -> None:
         """Into the record of who commanded what."""

@@ -31,6 +31,13 @@ class ReleaseMessage(Request):
     kind: Literal["release"]
 
 
+class LeaseMessage(Request):
+    """Hold under this lease from now on; for those who can't send the header `Lease`."""
+
+    kind: Literal["lease"]
+    token: str = Field(min_length=1, max_length=255)
+
+
 class PingMessage(Request):
     """Measure the way."""
 
@@ -40,7 +47,7 @@ class PingMessage(Request):
     sent: Number = 0
 
 
-ClientMessage = HoldMessage | ReleaseMessage | PingMessage
+ClientMessage = HoldMessage | ReleaseMessage | LeaseMessage | PingMessage
 CLIENT_MESSAGES: TypeAdapter[ClientMessage] = TypeAdapter(
     Annotated[ClientMessage, Field(discriminator="kind")]
 )
@@ -103,7 +110,7 @@ class StoppedMessage(ServerMessage):
     """A press has ended, and its operation if it came to one."""
 
     kind: Literal["stopped"] = "stopped"
-    reason: Literal["released", "silence", "limit", "stop", "fault", "failed", "shutdown"]
+    reason: Literal["released", "silence", "lease", "limit", "stop", "fault", "failed", "shutdown"]
     detail: str
     hint: str
     operation: str | None = Field(description="None where it was let go before the axis began.")

@@ -429,8 +429,50 @@ async def test_an_axis_of_somebody_else_s_lease_is_not_jogged(bench: Bench) -> N
         await holder.hold_for(1.0)
         assert truly(bench).velocity == SPEED
         await holder.hold_for(2.5)
+        stopped = await holder.next("stopped")
+        assert stopped["reason"] == "lease"
         assert (await holder.next("problem"))["problem"]["code"] == "lease_lost"
     await until_rest(bench)
     [operation] = await operations(bench)
     assert operation["state"] == "cancelled"
     assert "The lease of anna expired" in operation["reason"]
+
+
+@pytest.mark.parametrize("end", ["release", "take-over"])
+async def test_a_jog_ends_with_the_lease_under_which_it_is_held(bench: Bench, end: str) -> None:
+    await bench.enable()
+    lease = (await bench.post("/leases", {"node": 1, "ttl_s": 60}, headers={})).json()
+    async with JogClient(bench.app) as client:
+        await client.next("hello")
+        client.say("lease", token="none such")
+        assert (await client.next("problem"))["problem"]["code"] == "lease_lost"
+        client.say("lease", token=lease["token"])
+        await client.hold_for(1.0)
+        assert truly(bench).velocity == SPEED
+        lost = now()
+        if end == "release":
+            path, body, headers = lease["links"]["release"][7:], None, {"Lease": lease["token"]}
+        else:
+            path, body, headers = "/leases", {"node": 1, "force": True}, {}
+        ending = asyncio.create_task(bench.post(path, body, headers=headers))
+        assert await until_rest(bench) - lost <= RAMP + LATE
+        assert (await ending).is_success
+        stopped = await client.next("stopped")
+        assert stopped["reason"] == "lease"
+        assert (await bench.client.get(stopped["operation"])).json()["state"] == "cancelled"
+        for again in range(2):
+            await client.hold_for(0.4)
+            assert (await client.next("problem"))["problem"]["code"] == "lease_lost", again
+            client.say("release")
+        assert not truly(bench).moving
+        assert len(await operations(bench)) == 1
+
+
+async def test_a_jog_without_a_lease_ends_when_somebody_takes_one(bench: Bench) -> None:
+    async with jogging(bench) as client:
+        assert (await bench.post("/leases", {"node": 1}, headers={})).status_code == 201
+        client.hold()
+        held = now()
+        assert await until_rest(bench) - held <= RAMP + LATE
+        assert (await client.next("problem"))["problem"]["code"] == "leased"
+        assert (await client.next("stopped"))["reason"] == "lease"
