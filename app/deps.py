@@ -12,7 +12,7 @@ from fastapi import Depends, Header, Path, Query, Request
 from app.keys import Claim
 from app.leases import LEASE
 from app.problems import ApiError
-from app.roles import needs_lease
+from app.roles import is_dry_run, needs_lease
 from app.schemas.common import NoBody
 from app.schemas.operations import Asker
 from app.service import Service
@@ -75,7 +75,11 @@ async def get_node(request: Request, node: NodeRef) -> Node:
 
 
 def _is_command(request: Request) -> bool:
-    return needs_lease(request.method, request.scope["route"].path)
+    """Whether others' leases forbid it: a look before moving they don't."""
+    template: str = request.scope["route"].path
+    if not needs_lease(request.method, template):
+        return False
+    return not is_dry_run(template, request.query_params.get("dry_run"))
 
 
 NodeDep = Annotated[Node, Depends(get_node)]
@@ -245,7 +249,7 @@ DryRun = Annotated[
     bool,
     Query(
         description="Only say what the command would come to: nothing is sent, no operation is made, no "
-        "Idempotency-Key is spent. A disabled axis will do.",
+        "Idempotency-Key is spent, no lease is needed. A disabled axis will do.",
     ),
 ]
 

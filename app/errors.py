@@ -67,11 +67,14 @@ def _running_motion(request: Request, error: NotReady) -> Undertaking | None:
 
 
 def _rest(motion: Undertaking) -> float | None:
-    """Seconds until a motion ends if it goes on as until now; None where that can't be told."""
-    if motion.started is None or motion.progress is None or motion.progress < LEAST_PROGRESS:
+    """Seconds until a motion ends if it goes on as until now, or as predicted; None if that can't be told."""
+    if motion.started is None:
         return None
     passed = (datetime.now(UTC) - motion.started).total_seconds()
-    return passed / motion.progress * (1 - motion.progress)
+    if motion.progress is not None and motion.progress >= LEAST_PROGRESS:
+        return passed / motion.progress * (1 - motion.progress)
+    left = 0.0 if motion.prediction is None else motion.prediction.duration_s - passed
+    return min(left, LONGEST_WAIT) if left > 0 else None
 
 
 async def _api_error(request: Request, error: Exception) -> Response:

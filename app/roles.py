@@ -76,6 +76,10 @@ _PATTERNS = tuple((method, compile_path(path)[0], role) for method, path, role i
 
 _ONLY_LOOKS = frozenset({f"{API}/nodes/{{node}}/waits"})
 """Commands about a node or an axis that move and change nothing."""
+DRY_RUNS = frozenset(
+    {f"{_AXIS}/move", f"{_AXIS}/velocity", f"{_AXIS}/home", f"{API}/moves", f"{API}/trajectories"}
+)
+"""Commands that `dry_run` makes a look."""
 
 
 def role_for(method: str, path: str) -> Role:
@@ -94,6 +98,14 @@ def needs_lease(method: str, template: str) -> bool:
     `template` is the route's path, not the request's: an axis may be called `stop`.
     """
     return method not in SAFE_METHODS and not is_stop(template) and template not in _ONLY_LOOKS
+
+
+def is_dry_run(template: str, dry_run: str | None) -> bool:
+    """Whether a request to a route, with this `dry_run` in its query, only looks.
+
+    What the route itself might take for "no" must not count as "yes" here.
+    """
+    return template in DRY_RUNS and dry_run is not None and dry_run.lower() in ("true", "1")
 
 
 def is_stop(path: str) -> bool:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Annotated, Any
+from typing import Any
 
-from fastapi import Query, Response
+from fastapi import Response
 
 from app import together
-from app.deps import ServiceDep, find_axis
+from app.deps import DryRun, ServiceDep, find_axis
 from app.documentation import MOVING, problems
 from app.roles import API
 from app.routes.moves import ANSWERED
@@ -24,9 +24,6 @@ from drivers.master.requests import MoveRequest
 
 router = Router(API, tags=["moves"])
 
-DryRun = Annotated[
-    bool, Query(description="Only say what it would be: nothing is sent, no operation is made.")
-]
 _ANSWERS: dict[int | str, dict[str, Any]] = {
     **ANSWERED,
     200: {

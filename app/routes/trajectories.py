@@ -8,7 +8,7 @@ from typing import Annotated
 from fastapi import Query, Request
 from starlette.responses import Response
 
-from app.deps import ServiceDep, find_axis
+from app.deps import DryRun, ServiceDep, find_axis
 from app.documentation import MOVING, Responses, operation_links, problems
 from app.problems import ApiError
 from app.replies import location_header, preference_header
@@ -69,9 +69,7 @@ async def start_trajectory(
             ge=1, le=100, description="For a body without it (CSV): milliseconds from set point to set point."
         ),
     ] = None,
-    dry_run: Annotated[
-        bool, Query(description="Say what it comes to, or why it can't be; send and write down nothing.")
-    ] = False,
+    dry_run: DryRun = False,
 ) -> OperationReply | Response:
     """Have axes of one bus follow time-stamped points (csp), each set point with its SYNC.
 

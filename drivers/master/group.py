@@ -22,6 +22,7 @@ from drivers.master.errands import ErrandName
 from drivers.master.group_check import SYNC_USER, check_request, hindrances, merged, require_ready
 from drivers.master.group_member import Member
 from drivers.master.motion import MotionCancelled, MotionKind, MotionState, Result, Undertaking
+from drivers.master.prediction import Prediction
 from drivers.master.requests import MoveRequest
 from drivers.master.status import AxisStatus
 
@@ -49,8 +50,9 @@ class GroupMotion(Undertaking):
         self.members = tuple(Member(axis, request) for axis, request in moves)
         require_ready(self.members, replace=replace)
         axes = tuple(member.axis for member in self.members)
-        planned(self.members, at_least)
+        first = planned(self.members, at_least)
         super().__init__(MotionKind.COORDINATED_MOVE, axes, self._publish, undertaking_id)
+        self.prediction = _expected(first, self.members)
         self.coordination: Coordination | None = None
         """The common time, once it is known from where the axes stand."""
         self._backbone = axes[0].backbone
@@ -187,6 +189,7 @@ class GroupMotion(Undertaking):
         for member in self.members:
             self.evidence.aim(member.axis, member.target)
         self.coordination = planned(self.members, self._at_least)
+        self.prediction = _expected(self.coordination, self.members)
         await _all(member.configure() for member in self.members)
         moving = [member for member in self.members if member.moves]
         self._longest = max(moving, key=lambda member: member.way.distance, default=None)
@@ -357,6 +360,16 @@ def planned(members: Sequence[Member], at_least: float) -> Coordination:
     for member, profile in zip(moving, coordination.profiles, strict=True):
         member.profile = profile
     return coordination
+
+
+def _expected(coordination: Coordination, members: Sequence[Member]) -> Prediction:
+    alone = members[0] if len(members) == 1 else None
+    return Prediction(
+        coordination.duration_s,
+        float(max((profile.velocity for profile in coordination.profiles), default=0)),
+        None if alone is None else alone.start,
+        None if alone is None else alone.target,
+    )
 
 
 async def _all(works: Iterable[Awaitable[object]]) -> None:

@@ -34,11 +34,13 @@ class Prediction:
     duration_s: float
     """From the first step to standstill, or to the velocity that was asked for; of a homing the longest."""
     peak_velocity: float
-    """steps/s, without direction."""
+    """steps/s, without direction; of several axes the highest."""
     start: int | None
-    """steps; None: behind a homing, where it is not known."""
+    """steps; None: behind a homing, where it is not known, or of several axes."""
     end: int | None
-    """Where it will stand, or where it will be when it has its velocity; steps. None: a homing finds out."""
+    """Where it will stand, or where it will be when it has its velocity; steps. None: a homing finds out, or
+    there are several axes.
+    """
     path: tuple[int, int] | None = None
     """The lowest and the highest position on the way up to `end`, steps; None: not known."""
     assumed: tuple[str, ...] = ()

@@ -26,6 +26,7 @@ from drivers.master.axis import Axis
 from drivers.master.errands import ErrandName
 from drivers.master.joint import Joint, require_ready
 from drivers.master.motion import MotionKind
+from drivers.master.prediction import Prediction
 from drivers.master.readiness import AxisCommand
 from drivers.master.trajectory_check import Survey
 from drivers.master.trajectory_file import PointFile
@@ -69,6 +70,7 @@ class Trajectory(Joint):
         super().__init__(MotionKind.TRAJECTORY, request.axes, undertaking_id)
         self._request = request
         self._period = request.period_ms / 1000
+        self.prediction = _expected(request.survey)
         self._plan = _plan(request)
         self._sender = self._make_sender()
         self._news = asyncio.Event()
@@ -308,6 +310,11 @@ def begin_trajectory(request: TrajectoryRequest, *, undertaking_id: str | None =
     trajectory = Trajectory(request, undertaking_id)
     trajectory.start()
     return trajectory
+
+
+def _expected(survey: Survey) -> Prediction:
+    end = round(survey.end[0]) if len(survey.end) == 1 else None
+    return Prediction(survey.duration_s, max(peak.speed for peak in survey.peaks), None, end)
 
 
 def _plan(request: TrajectoryRequest) -> CyclePlan:

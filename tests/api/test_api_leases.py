@@ -14,7 +14,7 @@ from app.deps import every_axis, get_axis, get_node
 from app.leases import Lease
 from app.leasing import LeaseEnd
 from app.main import create_app
-from app.roles import needs_lease
+from app.roles import DRY_RUNS, needs_lease
 from app.settings import AuditSettings, Settings
 from app.starting import Starter
 
@@ -238,6 +238,24 @@ def test_every_command_about_axes_looks_for_leases() -> None:
     ]
     assert all(423 in each.responses for each in commands if looks(each.dependant))
     assert {each.name for each in commands if not looks(each.dependant)} == NO_AXIS
+
+
+def test_what_a_dry_run_makes_a_look_are_the_routes_that_have_one() -> None:
+    routes = [each for each in create_app(Settings()).routes if isinstance(each, APIRoute)]
+    have = {each.path for each in routes if any(p.alias == "dry_run" for p in each.dependant.query_params)}
+    assert have == DRY_RUNS
+
+
+async def test_a_dry_run_needs_no_lease_and_nothing_else_passes_for_one(bench: Bench) -> None:
+    await bench.enable()
+    await bench.post("/leases", {"node": 1, "owner": "anna", "ttl_s": 60}, headers={})
+    move = {"target": 1000, "unit": "steps"}
+    together = {"targets": [{"node": 1, "axis": 0, **move}]}
+    for path, body in (("/nodes/1/axes/0/move", move), ("/moves", together), ("/nodes/1/axes/0/home", {})):
+        assert (await bench.post(f"{path}?dry_run=true", body)).status_code == 200, path
+        for query in ("", "?dry_run=false", "?dry_run=off", "?dry_run=true&dry_run=false"):
+            assert (await bench.post(f"{path}{query}", body)).status_code == 423, (path, query)
+    assert (await bench.post("/nodes/1/axes/0/disable?dry_run=true")).status_code == 423
 
 
 async def test_a_busy_axis_says_when_it_is_likely_free(bench: Bench) -> None:

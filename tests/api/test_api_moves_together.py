@@ -36,6 +36,7 @@ async def test_three_axes_are_one_operation_with_their_arrivals(bench: Bench) ->
     assert [axis["axis"] for axis in done["axes"]] == [0, 1, 2]
     result = done["result"]
     assert result["spread_s"] < 0.02
+    assert done["predicted_s"] == result["predicted_s"]
     assert result["duration_s"] == pytest.approx(result["predicted_s"], abs=0.05)
     assert [axis["position"]["steps"] for axis in result["axes"]] == [51_200, -20_000, 0]
     assert result["axes"][2]["arrived_s"] is None
@@ -51,6 +52,7 @@ async def test_while_it_runs_each_axis_is_busy_and_its_cancelling_stops_all(benc
         assert axis["operation"] == operation["id"]
         busy = await bench.post(f"/nodes/1/axes/{number}/move", json={"target": 1, "unit": "steps"})
         assert (busy.status_code, busy.json()["code"]) == (409, "axis_busy")
+        assert 1 <= int(busy.headers["retry-after"]) <= operation["predicted_s"] + 1
     cancelled = (await bench.post(operation["links"]["cancel"].removeprefix("/api/v1"))).json()
     assert cancelled["state"] == "cancelled"
     for number in range(3):
@@ -61,8 +63,11 @@ async def test_a_dry_run_says_what_each_axis_would_do_and_sends_nothing(bench: B
     await enable(bench)
     await bench.post("/nodes/1/axes/1/disable")
     sent = (await bench.get("/bus")).json()["counters"]["sent"]
-    response = await bench.post(f"{PATH}?dry_run=true", json=body(51_200, 25_600, 0, duration_s=4.0))
-    assert response.status_code == 200, response.text
+    wanted = body(51_200, 25_600, 0, duration_s=4.0)
+    for _ in range(2):  # it spends no key
+        response = await bench.post(f"{PATH}?dry_run=true", json=wanted, headers={"Idempotency-Key": "k"})
+        assert response.status_code == 200, response.text
+        assert "idempotent-replayed" not in response.headers
     said = response.json()
     assert (said["dry_run"], said["ready"], said["predicted_s"]) == (True, False, 4.0)
     assert said["axes"][0]["velocity"]["steps"] > said["axes"][1]["velocity"]["steps"]

@@ -54,6 +54,7 @@ async def test_json_points_are_followed_and_the_result_tells_how_punctually(benc
     result = operation["result"]
     assert (result["cycles"], result["under_runs"], result["sender"]) == (21, 0, "loop")
     assert 0 <= result["lateness_p50_ms"] <= result["lateness_p99_ms"] <= result["lateness_max_ms"]
+    assert operation["predicted_s"] == result["duration_s"]
     ends = [axis["end"]["steps"] for axis in operation["evidence"]["axes"]]
     assert ends == [200, -100]
 
