@@ -11,7 +11,7 @@ from fastapi.openapi.utils import get_openapi
 from fastapi.routing import APIRoute
 
 from app.problems import MEDIA_TYPE, PROBLEM_TYPES, problem
-from app.roles import is_stop, role_for
+from app.roles import is_cancel, is_stop, role_for
 from app.schemas.common import Problem
 
 Responses = dict[int | str, dict[str, Any]]
@@ -163,9 +163,8 @@ def _describe_access(paths: Mapping[str, Mapping[str, dict[str, Any]]]) -> None:
     for path, operations in paths.items():
         for method, operation in operations.items():
             operation["x-role"] = role_for(method.upper(), path).word
-            if is_stop(path):
+            if is_stop(path) or is_cancel(path):
                 operation["responses"].pop("429", None)
-            if is_stop(path) or path.endswith("/cancel"):
                 operation["responses"].pop("423", None)
 
 

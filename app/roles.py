@@ -72,8 +72,11 @@ COMMANDS: tuple[tuple[str, str, Role], ...] = (
 """Every command of the API with the least role that may give it. What is missing here needs CONFIGURE."""
 
 _PATTERNS = tuple((method, compile_path(path)[0], role) for method, path, role in COMMANDS)
-
-
+_STOP_ENDS = ("/stop", "/quick-stop")
+_STOPS = tuple(
+    compile_path(path)[0] for _, path, role in COMMANDS if role is Role.STOP and path.endswith(_STOP_ENDS)
+)
+_CANCEL = compile_path(f"{API}/operations/{{id}}/cancel")[0]
 _ONLY_LOOKS = frozenset({f"{API}/nodes/{{node}}/waits"})
 """Commands about a node or an axis that move and change nothing."""
 DRY_RUNS = frozenset(
@@ -109,5 +112,13 @@ def is_dry_run(template: str, dry_run: str | None) -> bool:
 
 
 def is_stop(path: str) -> bool:
-    """Whether a path stops something: one axis, or everything. Nothing may hold such a request back."""
-    return path.endswith(("/stop", "/quick-stop"))
+    """Whether a path, or its template, stops something: one axis, or everything.
+
+    Nothing may hold such a request back. What is merely called so (a position `stop`) is none.
+    """
+    return path.endswith(_STOP_ENDS) and any(pattern.match(path) for pattern in _STOPS)
+
+
+def is_cancel(path: str) -> bool:
+    """Whether a path, or its template, ends an operation: a controlled stop of what it moves."""
+    return path.endswith("/cancel") and _CANCEL.match(path) is not None

@@ -19,7 +19,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from app.problems import problem
 from app.rates import RateLimit
 from app.replies import ClientGone, Refusal, refuse
-from app.roles import API, SAFE_METHODS, WEBSOCKET, Role, is_stop, role_for
+from app.roles import API, SAFE_METHODS, WEBSOCKET, Role, is_cancel, is_stop, role_for
 from app.settings import ServerSettings, TrajectorySettings
 from app.tickets import Tickets
 from app.tokens import LOCAL, Principal, Tokens
@@ -227,7 +227,7 @@ class SecurityMiddleware:
                 raise Refusal(problem("forbidden_origin", "Pages of other sites may not use this service."))
 
     def _check_rate(self, scope: Scope) -> None:
-        if self._rate is None or is_stop(scope["path"]):
+        if self._rate is None or is_stop(scope["path"]) or is_cancel(scope["path"]):
             return
         client: tuple[str, int] | None = scope.get("client")
         delay = self._rate.delay(client[0] if client else "")

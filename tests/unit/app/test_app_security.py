@@ -11,7 +11,7 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse
 from starlette.types import Message, Receive, Scope, Send
 
-from app.roles import Role
+from app.roles import Role, is_stop
 from app.security import MAX_BODY, Policy, SecurityMiddleware
 from app.settings import ServerSettings
 from app.tickets import Tickets
@@ -315,11 +315,33 @@ async def test_a_flood_is_slowed_down_and_never_a_stop() -> None:
         answers = [(await http.get("/x")).status_code for _ in range(30)]
         refused = await http.post("/api/v1/nodes/1/axes/0/move", headers=JSON)
         stops = [(await http.post("/api/v1/stop")).status_code for _ in range(30)]
+        cancelled = await http.post("/api/v1/operations/7/cancel", headers=JSON)
+    assert cancelled.status_code == 200
     assert answers[:10] == [200] * 10
     assert 429 in answers
     assert (refused.status_code, refused.json()["code"]) == (429, "too_many_requests")
     assert int(refused.headers["retry-after"]) >= 1
     assert stops == [200] * 30
+
+
+@pytest.mark.parametrize(
+    ("path", "stops"),
+    [
+        ("/api/v1/stop", True),
+        ("/api/v1/nodes/1/axes/0/stop", True),
+        ("/api/v1/nodes/stop/axes/stop/quick-stop", True),
+        ("/api/v1/nodes/{node}/axes/{axis}/stop", True),
+        ("/api/v1/nodes/1/axes/0/positions/stop", False),
+        ("/api/v1/nodes/1/axes/stop", False),
+        ("/api/v1/nodes/1/outputs/quick-stop", False),
+        ("/stop", False),
+    ],
+)
+async def test_what_is_only_called_a_stop_is_none(path: str, stops: bool) -> None:
+    assert is_stop(path) is stops
+    async with client() as http:
+        bare = await http.put(path)
+    assert bare.status_code == (200 if stops else 415)
 
 
 @pytest.mark.looptime
