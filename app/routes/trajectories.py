@@ -95,7 +95,7 @@ async def start_trajectory(
         period_ms = _agreed(reading.cycle_ms, cycle_ms)
         check_period(period_ms)
         axes = _resolve(service, reading.columns, points)
-        found = await asyncio.to_thread(survey, points.points(), period_ms / 1000, axes)
+        found = await _surveyed(points, period_ms, axes)
         if dry_run:
             points.close()
             forecast = _forecast(axes, found, period_ms)
@@ -115,6 +115,13 @@ async def start_trajectory(
         if not begun:
             points.close()
         raise
+
+
+async def _surveyed(points: PointFile, period_ms: int, axes: tuple[Axis, ...]) -> Survey:
+    try:
+        return await asyncio.to_thread(survey, points.points(), period_ms / 1000, axes)
+    except OSError as error:  # the last points go to the disk only now
+        raise ApiError("no_room", f"The points could not be put aside: {error.strerror or error}.") from error
 
 
 def _agreed(in_body: int | None, in_query: int | None) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import tracemalloc
@@ -9,9 +10,11 @@ from collections.abc import AsyncIterator
 from typing import Any
 
 import httpx
+import pytest
 from api_bench import Bench
 
 from app.settings import Settings
+from drivers.master.trajectory_file import PointFile
 
 JSON = {"Content-Type": "application/json"}
 CSV = {"Content-Type": "text/csv"}
@@ -237,3 +240,20 @@ async def test_a_body_beyond_the_limit_is_cut_off(bench: Bench) -> None:
                 yield b" " * 1000
 
         await refused(small, pieces(), "body_too_large")
+
+
+async def test_a_full_disk_refuses_the_path_and_nothing_moves(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its last points go to the disk only when they are looked at."""
+    await enabled(bench)
+
+    def full(_: PointFile) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(PointFile, "_flush", full)
+    told = await refused(bench, json.dumps(body()), "no_room")
+    assert (told["status"], "No space left" in told["detail"]) == (503, True)
+    monkeypatch.undo()
+    assert (await bench.get("/operations")).json()["operations"] == []
+    assert (await bench.post("/trajectories?wait=20", body())).json()["state"] == "succeeded"
