@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections import deque
 from collections.abc import Callable
 
@@ -42,15 +43,13 @@ class Outbox:
         self._filled.set()
 
     async def wait(self, seconds: float) -> bool:
-        """Wait for something to say; False if nothing came up. Raises `Overflow`."""
-        try:
-            async with asyncio.timeout(seconds):
+        """Wait for something to say; False if nothing came up. Raises `Overflow`, also for what is past."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(0 if self._overflown else seconds):
                 await self._filled.wait()
-        except TimeoutError:
-            return False
         if self._overflown:
             raise Overflow
-        return True
+        return self._filled.is_set()
 
     def take(self) -> Compose | None:
         """The next message."""

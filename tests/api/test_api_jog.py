@@ -14,8 +14,10 @@ import pytest
 from api_bench import App, Bench, running
 from starlette.types import Message
 
-from app.jog.socket import PER_SECOND, STATUS
+from app.jog.outbox import CAPACITY, Outbox, Overflow
+from app.jog.socket import HUNG, PER_SECOND, STATUS
 from app.roles import Role
+from app.schemas.jog import PongMessage
 from app.settings import Settings
 from app.tokens import add_token
 from drivers.sim.snapshot import AxisSnapshot, take
@@ -256,8 +258,58 @@ async def test_a_client_that_takes_nothing_is_let_go(bench: Bench) -> None:
     async with JogClient(bench.app) as client:
         await client.next("hello")
         client.reads.clear()
-        await asyncio.sleep(7)
-        assert len(bench.service.jogs) == 0
+        await asyncio.sleep(HUNG + 0.5)
+        client.reads.set()  # what it is told if it is there after all
+        assert await client.until_closed() == (1013, "too_slow")
+    assert len(bench.service.jogs) == 0
+
+
+async def test_what_must_not_be_lost_is_bounded_and_others_feel_nothing(bench: Bench) -> None:
+    async with jogging(bench) as client, JogClient(bench.app, "y") as flood:
+        await flood.next("hello")
+        flood.reads.clear()
+        holding = asyncio.create_task(client.hold_for(1.0))
+        await asyncio.sleep(0.5)  # by now a status is under way to it
+        for number in range(CAPACITY + 2):
+            flood.say("ping", echo=0, echo_age_ms=0, sent=number)
+        await asyncio.sleep(0.3)
+        flood.reads.set()
+        assert await flood.until_closed() == (1013, "too_slow")
+        await holding
+        assert truly(bench).velocity == SPEED
+        assert client.closed is None
+
+
+async def test_a_loss_is_told_though_all_that_was_kept_is_sent() -> None:
+    outbox = Outbox()
+    for _ in range(CAPACITY + 1):
+        outbox.put(lambda stamp: PongMessage(stamp=stamp, sent=None, round_trip_ms=None))
+    sent = list(iter(outbox.take, None))
+    assert len(sent) == CAPACITY
+    with pytest.raises(Overflow):
+        await outbox.wait(1)
+
+
+@pytest.mark.parametrize("headers", [{"host": "evil.example:8402"}, {"origin": "http://evil.example"}])
+async def test_a_page_of_elsewhere_opens_none_even_where_nobody_needs_a_token(
+    bench: Bench, headers: dict[str, str]
+) -> None:
+    async with JogClient(bench.app, **headers) as client:
+        code = "misdirected" if "host" in headers else "forbidden_origin"
+        assert await client.until_closed() == (1008, code)
+        assert client.stamp == 0, "nothing was said before"
+    assert len(bench.service.jogs) == 0
+
+
+async def test_so_many_are_open_at_most() -> None:
+    async with running(Settings.model_validate({"server": {"max_streams": 1}})) as bench:
+        await bench.until_ready()
+        async with JogClient(bench.app) as first, JogClient(bench.app) as second:
+            assert (await second.next("problem"))["problem"]["code"] == "too_many_streams"
+            assert await second.until_closed() == (4503, "too_many_streams")
+            await first.next("hello")
+        async with JogClient(bench.app) as third:
+            await third.next("hello")
 
 
 async def test_the_second_jog_of_an_axis_is_refused(bench: Bench) -> None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import subprocess
 import sys
 import time
 
 import pytest
 from test_client_service import url  # noqa: F401 - a fixture
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
 
+from app.connections import MAX_MESSAGE
 from canaxis import Client, Forbidden, NotReady, OperationCancelled, ServiceUnreachable
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(120)]
@@ -73,3 +77,14 @@ def test_no_connection_is_an_error_with_its_reason(url: str) -> None:  # noqa: F
 def test_the_client_is_imported_without_websockets() -> None:
     code = "import sys, canaxis; sys.exit('websockets' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_message_that_is_too_large_is_not_read(url: str) -> None:  # noqa: F811
+    place = f"{url.replace('http', 'ws', 1)}/api/v1/nodes/stage/axes/x/jog"
+    with connect(place) as socket:
+        socket.recv(timeout=10)
+        socket.send("x" * (MAX_MESSAGE + 1))
+        with contextlib.suppress(ConnectionClosed):
+            for _ in range(1000):
+                socket.recv(timeout=10)
+        assert socket.close_code == 1009
