@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,15 @@ async def take(bench: Bench, *axes: dict[str, Any], **more: Any) -> dict[str, An
 
 def under(lease: dict[str, Any]) -> dict[str, str]:
     return {"Lease": lease["token"]}
+
+
+def turns(bench: Bench, axis: int) -> bool:
+    """Whether the motor turns, whatever anybody believes."""
+    return bench.module.apply(lambda module, _: module.axes[axis].moving)
+
+
+def place(bench: Bench, axis: int) -> float:
+    return bench.module.apply(lambda module, now: module.axes[axis].motor.place(now))
 
 
 def refused(response: httpx.Response) -> str:
@@ -108,7 +118,12 @@ async def test_when_it_expires_its_axes_are_stopped(bench: Bench) -> None:
     assert "The lease of anna expired" in told["reason"]
     assert [(each.id, end) for each, end in ended] == [(lease["id"], LeaseEnd.EXPIRED)]
     unwatch()
-    assert not (await bench.post("/nodes/1/axes/0/stop")).json()["moving"]
+    await bench.until(lambda: not turns(bench, 0), 5)
+    assert turns(bench, 1), "what was free goes on"
+    rest = place(bench, 0)
+    await asyncio.sleep(5)
+    assert place(bench, 0) == rest
+    assert (await bench.axis())["state"] == "operation_enabled"
     assert (await bench.get(f"/operations/{free['id']}")).json()["state"] == "running"
     assert refused(await bench.post("/nodes/1/axes/0/enable", headers=under(lease))) == "lease_lost"
     assert refused(await bench.post(f"/leases/{lease['id']}/renew", headers=under(lease))) == "lease_lost"
@@ -166,13 +181,40 @@ async def test_a_take_over_stops_what_runs_and_is_told_everywhere(tmp_path: Path
         told = (await bench.get(f"/operations/{operation['id']}")).json()
         assert told["state"] == "cancelled"
         assert "bert took the lease of anna over" in told["reason"]
-        assert not (await bench.axis("1"))["moving"], "it answers at standstill"
+        assert not turns(bench, 1), "it answers at standstill"
         assert refused(await bench.post("/nodes/1/axes/1/enable", headers=under(hers))) == "lease_lost"
     entry = next(line for line in audit.read_text().splitlines() if "took_over" in line)
     assert '"from": "anna"' in entry
     assert '"for": "bert"' in entry
     assert hers["token"] not in audit.read_text()
     assert his["token"] not in audit.read_text()
+
+
+async def test_what_waits_behind_a_lease_s_move_never_begins_once_it_expired(bench: Bench) -> None:
+    await bench.enable()
+    lease = await take(bench, owner="anna", ttl_s=1)
+    body = {"target": 9_000_000, "unit": "steps", "on_busy": "queue"}
+    sent = [(await bench.post("/nodes/1/axes/0/move", body, headers=under(lease))).json() for _ in range(3)]
+    await bench.until_moving()
+    await bench.until(lambda: not turns(bench, 0), 10)
+    await asyncio.sleep(10)
+    assert not turns(bench, 0)
+    for operation in sent:
+        told = (await bench.get(f"/operations/{operation['id']}")).json()
+        assert told["state"] == "cancelled"
+        assert (told["started"] is not None) is (operation is sent[0])
+
+
+async def test_a_restart_forgets_leases_and_their_tokens() -> None:
+    async with running() as bench:
+        await bench.until_ready()
+        lease = await take(bench, ttl_s=600)
+    async with running() as again:
+        await again.until_ready()
+        assert refused(await again.post("/nodes/1/axes/0/enable", headers=under(lease))) == "lease_lost"
+        assert (await again.get("/leases")).json()["leases"] == []
+        newer = await take(again)
+        assert newer["fencing"] > lease["fencing"]
 
 
 async def test_a_lease_that_ends_while_the_record_is_written_begins_nothing(bench: Bench) -> None:

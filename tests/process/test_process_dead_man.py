@@ -5,6 +5,7 @@ All times are the simulator's own (its fault panel tells them), so that nothing 
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
@@ -222,3 +223,57 @@ def test_the_axis_stops_that_a_client_held_when_it_was_stopped(
         assert ended["state"] == "cancelled"
         assert ended["result"]["end"] == ("silence" if number is signal.SIGSTOP else "closed")
         assert ended["result"]["round_trip_p50_ms"] > 0
+
+
+LONG_PATH = {
+    "axes": [{"node": 1, "axis": 0, "unit": "steps"}],
+    "cycle_ms": 20,
+    "points": [
+        {"t": 0, "positions": [0], "velocities": [0]},
+        {"t": 2, "positions": [SPEED], "velocities": [SPEED]},
+        {"t": 60, "positions": [59 * SPEED], "velocities": [SPEED]},
+        {"t": 62, "positions": [60 * SPEED], "velocities": [0]},
+    ],
+}
+AHEAD = 1.5
+"""Seconds of set points that the sender has at hand, and the ramp with which it comes to rest, at most."""
+
+
+@pytest.mark.parametrize("what", ["killed", "stopped", "killed with its sender"])
+def test_axes_on_a_trajectory_stop_when_the_service_ends(module: Module, tmp_path: Path, what: str) -> None:
+    with service_on(tmp_path, module) as (service, http):
+        until_ready(http)
+        assert http.post(f"{AXIS}/enable", headers=JSON).status_code == 200
+        answer = http.post("/api/v1/trajectories", json=LONG_PATH)
+        assert answer.status_code == 202, answer.text
+        module.until(lambda seen: seen["axes"][0]["velocity"] >= 0.95 * SPEED)
+        [sender] = children_of(service)
+        told = module.now()["clock"]
+        if what.endswith("sender"):
+            os.kill(sender, signal.SIGKILL)
+        service.signal(signal.SIGSTOP if what == "stopped" else signal.SIGKILL)
+        stood = module.until(lambda seen: not seen["axes"][0]["moving"])
+        assert stood["clock"] - told <= max(AHEAD, CONSUMER + RAMP) + BUSY
+        lost = module.until(lambda seen: seen["watch"]["lost_at"] is not None)
+        assert lost["watch"]["lost_at"] - lost["watch"]["heard_at"] <= CONSUMER + DETECTION + BUSY
+        rest = module.until(lambda seen: seen["axes"][0]["state"] == "fault")["axes"][0]["place"]
+        later = module.until(lambda seen: seen["clock"] > stood["clock"] + AHEAD)
+        assert later["axes"][0]["place"] == rest, "no set point of the sender's moves it any more"
+        if what == "stopped":
+            service.signal(signal.SIGCONT)
+            until_ready(http)
+            [operation] = http.get("/api/v1/operations").json()["operations"]
+            assert (operation["kind"], operation["state"]) == ("trajectory", "failed")
+        gone = time.monotonic() + 10
+        while Path(f"/proc/{sender}/stat").exists() and not is_zombie(sender):
+            assert time.monotonic() < gone, "the sender outlives its service"
+            time.sleep(0.01)
+
+
+def children_of(service: Canaxis) -> list[int]:
+    tasks = Path(f"/proc/{service.process.pid}/task").iterdir()
+    return [int(child) for task in tasks for child in (task / "children").read_text().split()]
+
+
+def is_zombie(process: int) -> bool:
+    return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
