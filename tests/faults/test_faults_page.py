@@ -62,3 +62,30 @@ def test_the_states_of_nodes_exist() -> None:
     said = re.findall(r"node `(\w+)`", PAGE)
     assert set(said) <= {state.value for state in NodeState}
     assert len(said) > 3
+
+
+def test_each_threat_names_tests_that_are_there() -> None:
+    """docs/security.md: every row of its first table."""
+    page = (TESTS.parent / "docs" / "security.md").read_text(encoding="utf-8")
+    table = page.split("| threat |", 1)[1].split("\n\n", 1)[0].splitlines()[2:]
+    assert len(table) > 15
+    for row in table:
+        named = NAMED.findall(row.rsplit("|", 2)[1])
+        assert named, f"a threat without a test: {row}"
+        for file, function in named:
+            assert file in FILES, file
+            assert not function or function in functions(file), f"{file}::{function}"
+
+
+def test_no_word_promises_more_than_a_software_stop() -> None:
+    """Of an emergency stop, and of what it takes to be one, we only say that this is none."""
+    root = TESTS.parent
+    pages = [root / "README.md", root / "openapi" / "openapi.json", *root.glob("docs/**/*.md")]
+    pages += [*root.glob("openapi/*.md"), *root.glob("app/**/*.py"), *root.glob("canaxis/**/*.py")]
+    said = 0
+    for page in pages:
+        text = re.sub(r"(?:\s|\\n|\*)+", " ", page.read_text(encoding="utf-8"))
+        for found in re.finditer(r"emergency[ -]?stop|\be-stop\b", text, re.IGNORECASE):
+            said += 1
+            assert re.search(r"\b(no|not an|neither an) $", text[: found.start()]), (page, found)
+    assert said >= 3, "README, API and docs/safety.md say so"
