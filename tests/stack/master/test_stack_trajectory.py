@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable
 
 import pytest
-from stack_kit import Stack, until
+from stack_kit import Stack, stack_of, until
 
 from drivers.cia402.modes import Mode
 from drivers.cia402.power import PowerState
@@ -296,3 +296,46 @@ async def test_a_fault_at_either_end_is_no_success(stack: Stack, at: float) -> N
     assert axes[2].status.state is PowerState.FAULT
     assert not any(axis.status.moving for axis in axes)
     await until(lambda: not axes[0].backbone.sync.obstacles())
+
+
+@pytest.mark.looptime
+@pytest.mark.parametrize("what", ["silent", "restarts"])
+async def test_a_node_that_goes_brings_the_axes_of_the_others_to_rest_on_the_path(what: str) -> None:
+    async with stack_of(1, 2) as stack:
+        await stack.ready()
+        stays, goes = stack.network.node(1).axes[0], stack.network.node(2).axes[0]
+        await asyncio.gather(stays.enable(), goes.enable())
+        trajectory = follow((stays, goes), points_of(*WAYS[:2]))
+        await until(lambda: trajectory.started is not None)
+        await asyncio.sleep(0.3)
+        if what == "silent":
+            stack.modules[2].faults.silent = True
+        else:
+            stack.modules[2].power_cycle()
+        assert await trajectory.wait(10)
+        assert trajectory.state is MotionState.FAILED
+        motor = stack.modules[1].module.axes[0].motor
+        loop = asyncio.get_running_loop()
+        await until(lambda: not stack.modules[1].module.axes[0].moving, 5)
+        place = motor.position(loop.time())
+        await asyncio.sleep(2)
+        assert motor.position(loop.time()) == place
+        assert stays.status.state is PowerState.OPERATION_ENABLED
+        await until(lambda: not stays.backbone.sync.obstacles(), 60)
+
+
+@pytest.mark.looptime
+async def test_at_an_orderly_end_the_axes_stand_before_our_heartbeat_ends(stack: Stack) -> None:
+    axes = await stack.enabled()
+    trajectory = follow(axes, points_of(*WAYS))
+    await until(lambda: trajectory.started is not None)
+    await asyncio.sleep(0.5)
+    moved: list[bool] = []
+    module = stack.modules[1].module
+    stack.wire.tap(
+        lambda _, f: moved.append(any(a.moving for a in module.axes)) if f.cob_id == 0x77F else None
+    )
+    await stack.network.close()
+    assert trajectory.state is MotionState.CANCELLED
+    assert (moved[0], moved[-1]) == (True, False)
+    assert all(axis.state is PowerState.SWITCH_ON_DISABLED for axis in module.axes)
