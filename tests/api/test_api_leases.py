@@ -90,6 +90,34 @@ async def test_commands_to_a_node_heed_the_leases_of_all_its_axes(bench: Bench) 
     assert (await bench.post("/nodes/1/boot", headers=under(lease))).status_code == 200
 
 
+async def test_no_way_past_a_lease_to_the_motor_or_the_module(bench: Bench) -> None:
+    """Whatever is sent to several axes, to a module, or as settings."""
+    await bench.enable()
+    path = {"axes": [X | {"unit": "steps"}], "points": [{"t": t, "positions": [t]} for t in (0, 1)]}
+    commands: list[tuple[str, str, Any]] = [
+        ("POST", "/moves", {"targets": [X | {"target": 500, "unit": "steps"}]}),
+        ("POST", "/trajectories", path),
+        ("POST", "/nodes/1/axes/0/set-position", {"position": 5, "unit": "steps"}),
+        ("PUT", "/nodes/1/axes/0/positions/park", {"position": 5, "unit": "steps"}),
+        ("DELETE", "/nodes/1/axes/0/positions/park", None),
+        ("PATCH", "/nodes/1/axes/0/settings", {"velocity": 77}),
+        ("POST", "/settings/apply", {"nodes": [{"id": 1, "axes": [{"velocity": 77}]}]}),
+        ("POST", "/settings/rollback", {"revision": 0}),
+        ("POST", "/nodes/1/store", {"what": "all", "confirm": True}),
+        ("POST", "/nodes/1/restore-defaults", {"what": "all", "confirm": True}),
+        ("POST", "/nodes/1/outputs/0", {"on": True}),
+    ]
+    await take(bench, owner="anna")
+    for method, where, body in commands:
+        headers = {"Content-Type": "application/json"}
+        response = await bench.client.request(method, f"/api/v1{where}", json=body, headers=headers)
+        assert refused(response) == "leased", where
+        assert response.json()["owner"] == "anna"
+    assert (await bench.get("/operations")).json()["operations"] == []
+    assert (turns(bench, 0), place(bench, 0)) == (False, 0)
+    assert (await bench.get("/settings/revisions")).json()["revisions"] == []
+
+
 async def test_a_stop_a_cancel_and_a_read_need_none(bench: Bench) -> None:
     lease = await take(bench)
     await bench.post("/nodes/1/axes/0/enable", headers=under(lease))

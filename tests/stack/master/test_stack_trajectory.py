@@ -12,7 +12,7 @@ from stack_kit import Stack, stack_of, until
 
 from drivers.cia402.modes import Mode
 from drivers.cia402.power import PowerState
-from drivers.errors import AxisBusy, MotionFailed, NotReady
+from drivers.errors import AxisBusy, MotionFailed, NodeAway, NotReady
 from drivers.master import MoveRequest
 from drivers.master.axis import Axis
 from drivers.master.motion import MotionState
@@ -313,7 +313,7 @@ async def test_a_node_that_goes_brings_the_axes_of_the_others_to_rest_on_the_pat
         else:
             stack.modules[2].power_cycle()
         assert await trajectory.wait(10)
-        assert trajectory.state is MotionState.FAILED
+        assert isinstance(trajectory.error, NodeAway)
         motor = stack.modules[1].module.axes[0].motor
         loop = asyncio.get_running_loop()
         await until(lambda: not stack.modules[1].module.axes[0].moving, 5)
