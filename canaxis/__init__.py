@@ -33,6 +33,8 @@ from canaxis.errors import (
     Obstacle,
     OperationCancelled,
     OutcomeUnknown,
+    PreconditionFailed,
+    PreconditionRequired,
     QueueFull,
     SdoAborted,
     ServiceFault,
@@ -53,7 +55,7 @@ from canaxis.errors import (
 from canaxis.exchange import Patience
 from canaxis.jog import Jog, JogStopped
 from canaxis.lease import AsyncLease, Lease
-from canaxis.replies import Preview
+from canaxis.replies import AxisSettings, Preview
 from canaxis.stream import Sample
 
 __all__ = [
@@ -65,6 +67,7 @@ __all__ = [
     "AsyncOperation",
     "Axis",
     "AxisFault",
+    "AxisSettings",
     "BadReply",
     "BadValue",
     "BusDown",
@@ -96,6 +99,8 @@ __all__ = [
     "OperationCancelled",
     "OutcomeUnknown",
     "Patience",
+    "PreconditionFailed",
+    "PreconditionRequired",
     "Preview",
     "QueueFull",
     "Sample",

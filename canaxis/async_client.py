@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncGenerator, Awaitable, Callable, Sequence
+from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping, Sequence
 from types import TracebackType
-from typing import TYPE_CHECKING, TypeVar, Unpack
+from typing import TYPE_CHECKING, Any, TypeVar, Unpack
 
 import httpx
 
@@ -30,6 +30,7 @@ from canaxis.exchange import Answer, Call, Exchange, Patience, Request
 from canaxis.operation import OperationView
 from canaxis.path import AnyPoints, Axes, PathBody
 from canaxis.replies import (
+    AxisSettings,
     AxisStatus,
     BusStatus,
     Emergency,
@@ -142,7 +143,7 @@ class AsyncClient:
     def lease(
         self, *axes: AxisName, ttl: float = 10.0, owner: str | None = None, force: bool = False
     ) -> AsyncLease:
-        """Exclusive control of axes, ``("stage", "x")`` and so on, for the length of a `async with`.
+        """Exclusive control of axes, ``("stage", "x")`` and so on, for the length of the block.
 
         Commands go through the lease that it gives: ``lease.node("stage").axis("x")``. It is renewed in the
         background, expires after `ttl` seconds without that, which stops its axes, and is released at the
@@ -192,7 +193,13 @@ class AsyncClient:
     async def trajectory(
         self, axes: Axes, points: AnyPoints, *, cycle_ms: int = 10, key: str | None = None
     ) -> AsyncOperation:
-        """Have axes of one bus follow a path: see `Client.trajectory`; `points` may come asynchronously."""
+        """Have axes of one bus follow a path: points of ``(seconds, positions)`` or ``(seconds, positions,
+        velocities)``, in the units of `axes`, each ``(node, axis, unit)``.
+
+        The points are sent as they come, so a generator may give a million (an asynchronous one with
+        `AsyncClient`); the service begins once it has all of them. Only a list, no generator, can be
+        sent again should the answer be lost.
+        """
         body = PathBody(axes, points, cycle_ms)
         return AsyncOperation(self, await self.run(calls.trajectory(body, key)))
 
@@ -374,6 +381,19 @@ class AsyncAxis:
         return AsyncOperation(
             self._client, await self._client.run(self._calls.set_position(position, unit, options))
         )
+
+    async def settings(self) -> AxisSettings:
+        """What the axis is set to, every number with its unit."""
+        return await self._client.run(self._calls.settings())
+
+    async def configure(self, changes: Mapping[str, Any], seen: AxisSettings | None = None) -> AxisSettings:
+        """Change settings: what is left out stays, None brings a default back. Read back, kept, gone by.
+
+        `seen`: the settings from which the change was made; raises `PreconditionFailed` if they are others
+        now. Without it, those of this moment.
+        """
+        seen = await self.settings() if seen is None else seen
+        return await self._client.run(self._calls.configure(changes, seen.etag))
 
     async def positions(self) -> tuple[NamedPosition, ...]:
         """The named positions of the axis, by name."""

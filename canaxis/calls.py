@@ -6,13 +6,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Literal, NotRequired, TypedDict
 from urllib.parse import quote
 
 from canaxis.errors import Action, BadValue
-from canaxis.exchange import Call, Request, asking, command, look, stop
+from canaxis.exchange import Call, Request, TaggedCall, asking, command, look, stop
 from canaxis.path import PathBody
+from canaxis.reading import read
 from canaxis.replies import (
+    AxisSettings,
     AxisStatus,
     AxisStatuses,
     BusStatus,
@@ -195,6 +198,10 @@ def _started(path: str, options: Mapping[str, Any]) -> Call[OperationStatus]:
     return asking(command(path, _body(options), key=options.get("key")), OperationStatus)
 
 
+def _tagged(request: Request) -> Call[AxisSettings]:
+    return TaggedCall(request, lambda data: read(AxisSettings, data))
+
+
 class AxisCalls:
     """The calls of one axis."""
 
@@ -257,6 +264,15 @@ class AxisCalls:
         """POST move, to a named position."""
         return _started(f"{self.path}/move", {"position": position, **options})
 
+    def settings(self) -> Call[AxisSettings]:
+        """GET settings."""
+        return _tagged(look(self._settings))
+
+    def configure(self, changes: Mapping[str, Any], etag: str) -> Call[AxisSettings]:
+        """PATCH settings."""
+        keyed = command(self._settings, changes, method="PATCH")
+        return _tagged(replace(keyed, headers={**keyed.headers, "If-Match": etag}))
+
     def set_position(self, position: float, unit: str, options: SetPositionOptions) -> Call[OperationStatus]:
         """POST set-position."""
         return _started(f"{self.path}/set-position", {"position": position, "unit": unit, **options})
@@ -276,6 +292,10 @@ class AxisCalls:
 
     def _position(self, name: str) -> str:
         return f"{self.path}/positions/{_name(name)}"
+
+    @property
+    def _settings(self) -> str:
+        return f"{self.path}/settings"
 
     def _state(self, verb: str) -> Call[AxisStatus]:
         return asking(command(f"{self.path}/{verb}"), AxisStatus)

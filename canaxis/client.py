@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from types import TracebackType
-from typing import TYPE_CHECKING, TypeVar, Unpack
+from typing import TYPE_CHECKING, Any, TypeVar, Unpack
 
 import httpx
 
@@ -31,6 +31,7 @@ from canaxis.jog import Jog
 from canaxis.operation import OperationView
 from canaxis.path import Axes, PathBody, Points
 from canaxis.replies import (
+    AxisSettings,
     AxisStatus,
     BusStatus,
     Emergency,
@@ -141,7 +142,7 @@ class Client:
     def lease(
         self, *axes: AxisName, ttl: float = 10.0, owner: str | None = None, force: bool = False
     ) -> Lease:
-        """Exclusive control of axes, ``("stage", "x")`` and so on, for the length of a `with`.
+        """Exclusive control of axes, ``("stage", "x")`` and so on, for the length of the block.
 
         Commands go through the lease that it gives: ``lease.node("stage").axis("x")``. It is renewed in the
         background, expires after `ttl` seconds without that, which stops its axes, and is released at the
@@ -192,8 +193,9 @@ class Client:
         """Have axes of one bus follow a path: points of ``(seconds, positions)`` or ``(seconds, positions,
         velocities)``, in the units of `axes`, each ``(node, axis, unit)``.
 
-        The points are sent as they come, so a generator may give a million; the service begins once it has
-        all of them. Only a list, not a generator, can be sent again should the answer be lost.
+        The points are sent as they come, so a generator may give a million (an asynchronous one with
+        `AsyncClient`); the service begins once it has all of them. Only a list, no generator, can be
+        sent again should the answer be lost.
         """
         body = PathBody(axes, points, cycle_ms)
         return Operation(self, self.run(calls.trajectory(body, key)))
@@ -372,6 +374,19 @@ class Axis:
     def set_position(self, position: float, unit: str, **options: Unpack[SetPositionOptions]) -> Operation:
         """Say where the standing axis is; nothing moves, and it counts as homed then."""
         return Operation(self._client, self._client.run(self._calls.set_position(position, unit, options)))
+
+    def settings(self) -> AxisSettings:
+        """What the axis is set to, every number with its unit."""
+        return self._client.run(self._calls.settings())
+
+    def configure(self, changes: Mapping[str, Any], seen: AxisSettings | None = None) -> AxisSettings:
+        """Change settings: what is left out stays, None brings a default back. Read back, kept, gone by.
+
+        `seen`: the settings from which the change was made; raises `PreconditionFailed` if they are others
+        now. Without it, those of this moment.
+        """
+        seen = self.settings() if seen is None else seen
+        return self._client.run(self._calls.configure(changes, seen.etag))
 
     def positions(self) -> tuple[NamedPosition, ...]:
         """The named positions of the axis, by name."""

@@ -197,6 +197,18 @@ class KeyInFlight(Conflict):
     codes = ("key_in_flight",)
 
 
+class PreconditionFailed(CanaxisError):
+    """412: what was to be changed is not as it was seen any more. Nothing was changed."""
+
+    status_class, codes = 412, ("precondition_failed",)
+
+
+class PreconditionRequired(CanaxisError):
+    """428: a change must say from what it was made."""
+
+    status_class, codes = 428, ("precondition_required",)
+
+
 class BadValue(CanaxisError):
     """422: a value that can't be. Nothing was sent."""
 

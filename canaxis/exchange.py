@@ -127,6 +127,18 @@ class Call(Generic[T]):
         return self.understand(_content(response, self.request.accepts))
 
 
+class TaggedCall(Call[T]):
+    """A call whose answer gets its ETag as one more member, `etag`."""
+
+    def exchange(self, patience: Patience) -> Exchange[T]:
+        """See `Call.exchange`."""
+        response = yield from _answered(self.request, patience)
+        content = _content(response, self.request.accepts)
+        if isinstance(content, dict):
+            content = {**cast("dict[str, Any]", content), "etag": response.headers.get("ETag", "")}
+        return self.understand(content)
+
+
 def asking(request: Request, kind: type[T]) -> Call[T]:
     """The call whose answer is a `kind`."""
     return Call(request, lambda data: read(kind, data))

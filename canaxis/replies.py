@@ -264,6 +264,31 @@ class Write:
 
 
 @dataclass(frozen=True, slots=True)
+class AxisSettings:
+    """What an axis is set to."""
+
+    node: int
+    axis: int
+    name: str
+    unit: str
+    """What positions are shown in."""
+    units: tuple[str, ...]
+    """What commands may be given in."""
+    revision: int | None
+    durable: bool
+    """Whether changes outlive the service."""
+    problem: str | None
+    settings: Mapping[str, Any]
+    """As `Axis.configure` takes them: numbers as ``{"value": 20, "unit": "mm/s"}``."""
+    sources: Mapping[str, str]
+    """Where each comes from: revision, file, default or module."""
+    written: tuple[Write, ...]
+    """What was written to the module by the change that this answers."""
+    etag: str
+    """Names this state of them."""
+
+
+@dataclass(frozen=True, slots=True)
 class Preview:
     """What a command would come to; nothing was sent."""
 

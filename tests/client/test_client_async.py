@@ -17,6 +17,7 @@ from canaxis import (
     InputTimeout,
     NodeAway,
     OperationCancelled,
+    PreconditionFailed,
     UnknownPosition,
     UnknownTerminal,
     WaitTimeout,
@@ -148,6 +149,21 @@ async def test_positions_have_names_and_places_numbers(bench: Bench) -> None:
     with pytest.raises(UnknownPosition):
         await axis.go("here")
     await axis.disable()
+
+
+async def test_settings_are_changed_from_what_was_seen(bench: Bench) -> None:
+    transport = Lossy(bench.app)
+    axis = over(transport).node("stage").axis("x")
+    seen = await axis.settings()
+    assert seen.etag
+    transport.lose = 1
+    changed = await axis.configure({"velocity": {"value": 70_000, "unit": "steps/s"}}, seen)
+    assert (changed.settings["velocity"]["value"], changed.sources["velocity"]) == (70_000, "revision")
+    assert changed.revision == (seen.revision or 0) + 1, "the answer was lost, the change was made once"
+    assert [write.new for write in changed.written if write.index == "0x6081"] == [70_000]
+    with pytest.raises(PreconditionFailed):
+        await axis.configure({"velocity": None}, seen)
+    assert (await axis.configure({"velocity": None})).settings["velocity"] == seen.settings["velocity"]
 
 
 async def test_inputs_outputs_and_waits(bench: Bench) -> None:
