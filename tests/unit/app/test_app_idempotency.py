@@ -121,7 +121,9 @@ async def test_what_broke_off_is_not_carried_out_again() -> None:
     assert app.count == 1
 
 
-@pytest.mark.parametrize("path", ["/api/v1/stop", "/api/v1/nodes/1/axes/0/stop", "/a/quick-stop"])
+@pytest.mark.parametrize(
+    "path", ["/api/v1/stop", "/api/v1/nodes/1/axes/0/stop", "/api/v1/nodes/1/axes/0/quick-stop"]
+)
 async def test_a_stop_is_always_carried_out(path: str) -> None:
     app = Counting(200)
     async with client(app) as http:
