@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Sequence
 from typing import Annotated
 
 from fastapi import Query, Request
@@ -21,8 +22,9 @@ from app.starting import StarterDep
 from app.trajectory_reading import Column, read_points
 from app.units import Scale
 from app.uploads import Upload
-from drivers.errors import UnknownAxis, UnknownNode
+from drivers.errors import NotReady, Obstacle, UnknownAxis, UnknownNode
 from drivers.master.axis import Axis
+from drivers.master.config import AxisConfig
 from drivers.master.motion import MotionKind
 from drivers.master.trajectory import Trajectory, TrajectoryRequest, begin_trajectory, check_period
 from drivers.master.trajectory_check import Survey, survey
@@ -87,6 +89,7 @@ async def start_trajectory(
 
     def begin(operation_id: str) -> Trajectory:
         nonlocal begun
+        _require_unchanged(axes, configs)
         trajectory = begin_trajectory(asked, undertaking_id=operation_id)
         begun = True
         return trajectory
@@ -95,6 +98,7 @@ async def start_trajectory(
         period_ms = _agreed(reading.cycle_ms, cycle_ms)
         check_period(period_ms)
         axes = _resolve(service, reading.columns, points)
+        configs = [axis.config for axis in axes]
         found = await _surveyed(points, period_ms, axes)
         if dry_run:
             points.close()
@@ -122,6 +126,18 @@ async def _surveyed(points: PointFile, period_ms: int, axes: tuple[Axis, ...]) -
         return await asyncio.to_thread(survey, points.points(), period_ms / 1000, axes)
     except OSError as error:  # the last points go to the disk only now
         raise ApiError("no_room", f"The points could not be put aside: {error.strerror or error}.") from error
+
+
+def _require_unchanged(axes: tuple[Axis, ...], configs: Sequence[AxisConfig]) -> None:
+    """Raise `NotReady` if the limits or units with which a long path was looked at don't count any more."""
+    for axis, config in zip(axes, configs, strict=True):
+        if axis.config != config:
+            found = Obstacle(
+                "settings_changed",
+                f"The settings of axis {axis.name} changed while the path was looked at.",
+                "Send the path again.",
+            )
+            raise NotReady(found.message, obstacles=(found,), node=axis.node.node_id, axis=axis.number)
 
 
 def _agreed(in_body: int | None, in_query: int | None) -> int:

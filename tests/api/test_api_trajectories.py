@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import errno
 import json
 import math
@@ -13,6 +14,7 @@ import httpx
 import pytest
 from api_bench import Bench
 
+from app.routes import trajectories
 from app.settings import Settings
 from drivers.master.trajectory_file import PointFile
 
@@ -257,3 +259,31 @@ async def test_a_full_disk_refuses_the_path_and_nothing_moves(
     monkeypatch.undo()
     assert (await bench.get("/operations")).json()["operations"] == []
     assert (await bench.post("/trajectories?wait=20", body())).json()["state"] == "succeeded"
+
+
+async def test_a_path_is_not_followed_by_limits_that_it_was_not_held_against(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A large path takes seconds to be looked at; somebody narrows the limits meanwhile."""
+    await enabled(bench)
+    axis = bench.service.network.node(1).axis(0)
+    look = trajectories.survey
+
+    async def narrow() -> None:
+        url = "/api/v1/nodes/1/axes/0/settings"
+        headers = {"If-Match": (await bench.client.get(url)).headers["ETag"], **JSON}
+        body = {"soft_limits": ["-10 steps", "10 steps"]}
+        response = await bench.client.patch(url, json=body, headers=headers)
+        assert response.status_code == 200, response.text
+
+    def slowly(*given: Any) -> Any:
+        found = look(*given)
+        asyncio.run_coroutine_threadsafe(narrow(), loop).result(20)
+        return found
+
+    loop = asyncio.get_running_loop()
+    monkeypatch.setattr(trajectories, "survey", slowly)
+    told = await refused(bench, json.dumps(body()), "not_ready")
+    assert [each["code"] for each in told["obstacles"]] == ["settings_changed"]
+    assert (await bench.get("/operations")).json()["operations"] == []
+    assert not axis.status.moving
