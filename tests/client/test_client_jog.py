@@ -13,7 +13,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from app.connections import MAX_MESSAGE
-from canaxis import Client, Forbidden, NotReady, OperationCancelled, ServiceUnreachable
+from canaxis import Client, Forbidden, Leased, NotReady, OperationCancelled, ServiceUnreachable
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(120)]
 
@@ -59,6 +59,28 @@ def test_hold_release_and_what_ends_a_press(url: str) -> None:  # noqa: F811
         assert client.operations(limit=1)[0].status.kind == "jog"
         assert not axis.status().moving, "leaving lets go and waits"
         axis.disable()
+
+
+def test_a_jog_under_a_lease_ends_with_it(url: str) -> None:  # noqa: F811
+    x = ("stage", "x")
+    with Client(url) as client, client.lease(x, ttl=30) as lease:
+        axis = lease.node("stage").axis("x")
+        axis.enable()
+        with client.node("stage").axis("x").jog() as stranger:
+            stranger.hold(1, "mm")
+            until(lambda: stranger.state == "used_up")
+            with pytest.raises(Leased):
+                stranger.release()
+        with axis.jog() as jog:
+            jog.hold(1, "mm")
+            until(lambda: jog.state == "turning")
+            with client.lease(x, force=True) as taken:
+                until(lambda: jog.stopped is not None)
+                assert jog.stopped is not None
+                assert jog.stopped.reason == "lease"
+                with pytest.raises(OperationCancelled):
+                    jog.hold(1, "mm")
+                assert not taken.node("stage").axis("x").disable().moving
 
 
 def test_no_connection_is_an_error_with_its_reason(url: str) -> None:  # noqa: F811
