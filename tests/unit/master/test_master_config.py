@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import pytest
 
 from drivers.devices.layout import AxisLayout
@@ -94,3 +97,13 @@ def test_the_guard_knows_every_axis() -> None:
     assert {guard_of(index, layout) for index in never} == {Guard.NEVER}
     assert {guard_of(index, layout) for index in confirm} == {Guard.CONFIRM}
     assert {guard_of(index, layout) for index in free} == {Guard.FREE}
+
+
+def test_the_page_about_security_names_what_is_guarded_and_nothing_else() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "security.md").read_text(encoding="utf-8")
+    told = page.split("The dangerous objects: ", 1)[1].split(". ", 1)[0]
+    named: set[int] = set()
+    for first, last in re.findall(r"\b([0-9A-F]{4})h(?:\s+to\s+([0-9A-F]{4})h)?", told):
+        named |= set(range(int(first, 16), int(last or first, 16) + 1))
+    one_axis = AxisLayout(1)
+    assert named == {index for index in range(0x10000) if guard_of(index, one_axis) is Guard.CONFIRM}
