@@ -7,6 +7,7 @@ from typing import Any, cast
 
 from app import views
 from app.schemas.common import Quantity
+from app.schemas.previews import PathReply
 from app.schemas.together import MovesPrediction, PredictedAxis
 from app.units import Scale
 from drivers.master.group import GroupMotion, GroupPrediction
@@ -53,7 +54,8 @@ def prediction(found: GroupPrediction) -> MovesPrediction:
 
 def _axis(member: Member) -> PredictedAxis:
     axis, profile = member.axis, member.profile
-    scale = Scale.of(axis.config)
+    scale, limits = Scale.of(axis.config), axis.config.target_range
+    low, high = sorted((member.start, member.target))
 
     def rate(value: int | None, suffix: str) -> Quantity | None:
         return None if value is None else scale.quantity(value, suffix)
@@ -68,5 +70,13 @@ def _axis(member: Member) -> PredictedAxis:
         acceleration=rate(profile and profile.acceleration, "/s2"),
         deceleration=rate(profile and profile.deceleration, "/s2"),
         predicted_s=None if profile is None else round(profile.duration_s, 4),
+        path=PathReply(
+            lowest=scale.quantity(low),
+            highest=scale.quantity(high),
+            limit_low=scale.quantity(limits[0]),
+            limit_high=scale.quantity(limits[1]),
+            within=limits[0] <= low and high <= limits[1],
+        ),
+        writes=[views.change(one) for one in member.changes()],
         obstacles=[],
     )

@@ -35,6 +35,7 @@ from canaxis.replies import (
     BusStatus,
     Emergency,
     Inputs,
+    MovesPrediction,
     NamedPosition,
     NodeStatus,
     ObjectValue,
@@ -124,6 +125,12 @@ class AsyncClient:
         Whatever stops one axis stops all: see docs/coordinated-moves.md.
         """
         return AsyncOperation(self, await self.run(calls.move_together(targets, options)))
+
+    async def predict_together(
+        self, targets: Sequence[Target], **options: Unpack[TogetherOptions]
+    ) -> MovesPrediction:
+        """What a coordinated move would come to, axis by axis. Nothing is sent to them."""
+        return await self.run(calls.predict_together(targets, options))
 
     async def stop_all(self, reason: str = "Stopped by a client.") -> StopReport:
         """Ramp every axis of every node down, and refuse motion until `reset_stop`.

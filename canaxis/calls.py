@@ -23,6 +23,7 @@ from canaxis.replies import (
     Inputs,
     Lease,
     LeaseGranted,
+    MovesPrediction,
     NamedPosition,
     NamedPositions,
     NodeStatus,
@@ -397,6 +398,13 @@ def operations(limit: int, state: str | None, before: str | None) -> Call[Operat
 def move_together(targets: Sequence[Target], options: TogetherOptions) -> Call[OperationStatus]:
     """POST moves."""
     return _started(f"{ROOT}/moves", {"targets": [dict(target) for target in targets], **options})
+
+
+def predict_together(targets: Sequence[Target], options: TogetherOptions) -> Call[MovesPrediction]:
+    """POST moves, dry."""
+    body = _body({"targets": [dict(target) for target in targets], **options})
+    request = Request("POST", f"{ROOT}/moves", query={"dry_run": "true"}, body=body, safe=True)
+    return asking(request, MovesPrediction)
 
 
 def stop_all(reason: str) -> Call[StopReport]:

@@ -36,6 +36,7 @@ from canaxis.replies import (
     BusStatus,
     Emergency,
     Inputs,
+    MovesPrediction,
     NamedPosition,
     NodeStatus,
     ObjectValue,
@@ -123,6 +124,12 @@ class Client:
         Whatever stops one axis stops all: see docs/coordinated-moves.md.
         """
         return Operation(self, self.run(calls.move_together(targets, options)))
+
+    def predict_together(
+        self, targets: Sequence[Target], **options: Unpack[TogetherOptions]
+    ) -> MovesPrediction:
+        """What a coordinated move would come to, axis by axis. Nothing is sent to them."""
+        return self.run(calls.predict_together(targets, options))
 
     def stop_all(self, reason: str = "Stopped by a client.") -> StopReport:
         """Ramp every axis of every node down, and refuse motion until `reset_stop`.

@@ -310,6 +310,36 @@ class Preview:
 
 
 @dataclass(frozen=True, slots=True)
+class PredictedAxis:
+    """What one axis of a coordinated move would be told; None where it has no way to go."""
+
+    node: int
+    axis: int
+    name: str
+    start: Quantity
+    target: Quantity
+    velocity: Quantity | None
+    acceleration: Quantity | None
+    deceleration: Quantity | None
+    predicted_s: float | None
+    path: PathLimits
+    writes: tuple[Write, ...]
+    obstacles: tuple[Obstacle, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class MovesPrediction:
+    """What a coordinated move would come to; nothing was sent."""
+
+    ready: bool
+    """Whether it would be accepted now."""
+    predicted_s: float
+    spread_s: float
+    """Seconds between the first arrival and the last."""
+    axes: tuple[PredictedAxis, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Identity:
     """What the module says it is (1000h, 1018h)."""
 

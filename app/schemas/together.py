@@ -9,6 +9,8 @@ from pydantic import Field
 from app.schemas import examples
 from app.schemas.axes import MoveBody
 from app.schemas.common import ObstacleReply, Quantity, Reply, Request
+from app.schemas.nodes import ChangeReply
+from app.schemas.previews import PathReply
 
 Reference = Annotated[int, Field(ge=0, le=127)] | Annotated[str, Field(min_length=1, max_length=64)]
 
@@ -46,6 +48,10 @@ class PredictedAxis(Reply):
     acceleration: Quantity | None
     deceleration: Quantity | None
     predicted_s: float | None = Field(description="From the start to its standstill.")
+    path: PathReply
+    writes: list[ChangeReply] = Field(
+        description="The parameters that are written before it begins; `old` is None where it isn't known."
+    )
     obstacles: list[ObstacleReply] = Field(description="What prevents this axis now.")
 
 

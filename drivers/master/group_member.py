@@ -11,7 +11,8 @@ from drivers.cia402.setpoint import Evidence, SetPointHandshake
 from drivers.errors import MotionFailed
 from drivers.master.axis import Axis
 from drivers.master.axis_parameters import RAMP_V1, RAMP_V2, START_VELOCITY
-from drivers.master.axis_tools import AxisTools
+from drivers.master.axis_tools import AxisTools, Parameter
+from drivers.master.boot_log import Change
 from drivers.master.coordination import END_VELOCITY, Profile, Way
 from drivers.master.positioning import check_target
 from drivers.master.requests import MoveRequest
@@ -79,13 +80,7 @@ class Member:
         """Write what `profile` says, confirmed; then enter the mode. Nothing moves by it."""
         tools, profile, config = self.tools, self.profile, self.axis.config
         if profile is not None:
-            await tools.parameters.require(
-                {
-                    (objects.PROFILE_VELOCITY, 0): profile.velocity,
-                    (objects.PROFILE_ACCELERATION, 0): profile.acceleration,
-                    (objects.PROFILE_DECELERATION, 0): profile.deceleration,
-                }
-            )
+            await tools.parameters.require(_rates(profile))
             if config.start_velocity or config.end_velocity != END_VELOCITY:
                 # VSTOP is named first so that it comes back first: VSTART never passes it (manual §1.5).
                 await self._lend(objects.END_VELOCITY, config.end_velocity, config.end_velocity)
@@ -96,6 +91,15 @@ class Member:
                 await self._lend(RAMP_V2, 0, config.ramp_v2)
             await tools.enter_mode(Mode.PROFILE_POSITION)
         tools.require_enabled(tools.drive.status)
+
+    def changes(self) -> tuple[Change, ...]:
+        """What `configure` would write of what isn't so already, as far as that is known."""
+        config, needed = self.axis.config, {} if self.profile is None else _rates(self.profile)
+        if self.profile is not None and (config.start_velocity or config.end_velocity != END_VELOCITY):
+            needed |= {(START_VELOCITY, 0): 0, (objects.END_VELOCITY, 0): END_VELOCITY}
+        if self.profile is not None and (config.ramp_v1 or config.ramp_v2):
+            needed |= {(RAMP_V1, 0): 0, (RAMP_V2, 0): 0}
+        return self.tools.parameters.changes(needed)
 
     async def settle(self) -> None:
         """Give the axis its own ramp back."""
@@ -208,3 +212,11 @@ class Member:
                 hint="Look for a limit switch, a software limit (607Dh), an obstacle or too low a current.",
                 **self.tools.where,
             )
+
+
+def _rates(profile: Profile) -> dict[Parameter, int]:
+    return {
+        (objects.PROFILE_VELOCITY, 0): profile.velocity,
+        (objects.PROFILE_ACCELERATION, 0): profile.acceleration,
+        (objects.PROFILE_DECELERATION, 0): profile.deceleration,
+    }
