@@ -99,7 +99,7 @@ class Undertaking(ABC):
         self.prediction: Prediction | None = None
         """What it should come to, without what it has to wait for; None while that can't be known."""
         self.result: Result | None = None
-        """What it came to, if it succeeded."""
+        """What it came to, if it succeeded; of a trajectory also what was measured of one that did not."""
         self.error: CanaxisError | None = None
         self.created = datetime.now(UTC)
         self.started: datetime | None = None

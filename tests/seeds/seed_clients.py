@@ -8,13 +8,15 @@ from collections.abc import Awaitable, Callable
 from typing import TYPE_CHECKING
 
 from seed_invariants import HIGHEST_SPEED
+from seed_joint import Together, follow, move_together, some_axes
 
 from app.operations import Operation
 from drivers.cia301.objects import Address
 from drivers.cia402 import objects
 from drivers.errors import CanaxisError
 from drivers.master import Axis, HomeRequest, Motion, MoveRequest, StopOutcome, VelocityRequest
-from drivers.master.requests import OnBusy
+from drivers.master.motion import Undertaking
+from drivers.master.requests import OnBusy, SetPositionRequest
 
 MODEL = "TMCM-3216"
 
@@ -33,7 +35,7 @@ class Client:
         self._world = world
         self._name = name
         self._rng = rng
-        self._motions: list[Motion] = []
+        self._motions: list[Undertaking] = []
 
     async def live(self, seconds: float) -> None:
         """Command this and that until the time is over."""
@@ -94,11 +96,42 @@ class Client:
         request = HomeRequest(method=self._rng.choice((35, 35, 17, 19)), fast=HIGHEST_SPEED, timeout_s=8.0)
         await self._follow(axis, axis.home(request, on_busy=self._on_busy()))
 
+    async def _set_position(self, axis: Axis) -> None:
+        request = SetPositionRequest(self._rng.choice((-5_000, 0, 12_345)), shift_limits=True)
+        await self._follow(axis, axis.set_position(request))
+
+    async def _move_together(self, axis: Axis) -> None:
+        axes = await self._chosen(axis)
+        name = self._joint_name()
+        await self._follow_all(move_together(self._world.network, self._rng, axes, HIGHEST_SPEED, name))
+
+    async def _trajectory(self, axis: Axis) -> None:
+        axes = await self._chosen(axis)
+        await self._follow_all(follow(self._rng, axes, self._joint_name()))
+
+    async def _chosen(self, axis: Axis) -> list[Axis]:
+        """Mostly enabled first, or it would seldom be that all of them are."""
+        axes = some_axes(self._rng, self._world.axes, axis)
+        if self._rng.random() < 0.7:
+            await asyncio.gather(*(self._enable(one) for one in axes), return_exceptions=True)
+        return axes
+
+    def _joint_name(self) -> str:
+        """Drawn, where it is random otherwise: it is in messages, and so in the trace."""
+        return f"{self._rng.getrandbits(64):016x}"
+
     def _on_busy(self) -> OnBusy:
         return self._rng.choice((OnBusy.REJECT, OnBusy.REJECT, OnBusy.REPLACE, OnBusy.QUEUE, OnBusy.QUEUE))
 
     async def _follow(self, axis: Axis, motion: Motion) -> None:
         self._world.invariants.commanded(axis, motion)
+        await self._await(motion)
+
+    async def _follow_all(self, together: Together) -> None:
+        self._world.invariants.commanded_together(together)
+        await self._await(together.undertaking)
+
+    async def _await(self, motion: Undertaking) -> None:
         self._world.operations.append(Operation(motion, {}))
         self._motions.append(motion)
         await motion.wait(self._rng.choice((0.0, 0.005, 0.3, 3.0, 20.0)))
@@ -106,12 +139,13 @@ class Client:
     async def _cancel_motion(self, axis: Axis) -> None:
         if self._motions:
             motion = self._rng.choice(self._motions[-3:])
-            book = self._world.invariants.books[motion.axis]
-            ended, commands = motion.done, book.commands
-            waits = motion in motion.axis.queued and not motion.axis.making_way
+            books = self._world.invariants.books
+            ended, commands = motion.done, {axis: books[axis].commands for axis in motion.axes}
+            waits = isinstance(motion, Motion) and motion in motion.axis.queued and not motion.axis.making_way
             await motion.cancel()
             if not ended and not waits:
-                self._world.invariants.acknowledged(motion.axis, "a cancellation", commands)
+                for one in motion.axes:
+                    self._world.invariants.acknowledged(one, "a cancellation", commands[one])
 
     # --- power and stops
 
@@ -193,6 +227,7 @@ class Client:
 
 _COMMANDS = (
     "move", "move", "move", "move", "velocity", "velocity", "home", "cancel_motion",
+    "move_together", "move_together", "move_together", "trajectory", "trajectory", "set_position",
     "enable", "enable", "enable_all", "enable_all", "disable", "reset_fault", "reset_fault",
     "stop", "stop", "quick_stop", "stop_all", "write", "look",
     "read", "read", "read", "read", "read", "read",

@@ -288,6 +288,13 @@ class Storm:
         self._world.stranger_commands(command, node_id)
         self._world.wire.inject(Frame(cob.NMT, nmt_frame(command, node_id)))
 
+    async def _syncs(self, lasts: float) -> None:
+        """A second master's: they must start nothing that isn't being started anyway."""
+        self._note(f"a stranger sends SYNCs for {lasts} s")
+        for _ in range(self._rng.choice((1, 5, 40))):
+            self._world.wire.inject(Frame(cob.SYNC))
+            await asyncio.sleep(lasts / 40)
+
     # --- inside
 
     def _pick(self) -> int:
@@ -301,6 +308,7 @@ _KINDS = (
     "weather", "weather", "weather", "weather", "noise", "unplug", "bus_off", "hold", "stall", "stall",
     "reset", "reset", "power", "cable", "module_bus_off", "silent", "deaf", "sdo_mute",
     "slow_answers", "slow_answers", "sdo_aborts", "emergencies", "emergencies", "stranger",
+    "syncs", "syncs",
 )  # fmt: skip
 
 

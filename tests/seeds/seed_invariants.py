@@ -8,16 +8,17 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from seed_faults import LATEST, LATEST_ANSWER
+from seed_joint import Together
 
 from drivers.cia301 import cob
 from drivers.cia301.nmt import NmtState
 from drivers.cia301.objects import Address
 from drivers.cia402 import objects
 from drivers.cia402.power import PowerState
-from drivers.master import Axis, AxisStatus, Motion, MotionKind, MotionState
-from drivers.master.motion import Result
+from drivers.master import Axis, AxisStatus, Motion, MotionKind, MotionState, NodeState
+from drivers.master.motion import Result, Undertaking
 from drivers.master.prediction import predict_home
-from drivers.master.requests import HomeRequest, MoveRequest, VelocityRequest
+from drivers.master.requests import HomeRequest, MoveRequest, SetPositionRequest, VelocityRequest
 from drivers.sim.motion.axis import SimulatedAxis
 
 if TYPE_CHECKING:
@@ -34,6 +35,10 @@ FAILSAFE = 0.5 + 0.05
 NOTICED = 2.5
 """Seconds in which the master has noticed that a module started anew, though its boot-up was lost: it must
 miss three of its heartbeats.
+"""
+GROUP_ENDS = 1.0
+"""Seconds after the end of what several axes did together in which each that can be reached was told of it,
+besides what its errand takes.
 """
 REPORTS = 400
 """Statuses of each sort that are remembered of each axis."""
@@ -66,8 +71,10 @@ class Book:
     enable_ended_at: float = 0.0
     waiting: list[Motion] = field(default_factory=list)
     """Motions that were accepted and are not begun."""
-    open: list[tuple[Motion, float, int | None]] = field(default_factory=list)
+    open: list[tuple[Undertaking, float, int | None]] = field(default_factory=list)
     """Motions that run, when they must have ended, and where a move must end."""
+    void: tuple[int, float, str] | None = None
+    """What it did with others is over: at how many commands, since when it is free to stand, and what."""
     homed: bool = False
     """Whether a client asked for a homing since the module's last start."""
     status: AxisStatus | None = None
@@ -94,7 +101,7 @@ class Invariants:
         self._answers: dict[int, deque[tuple[Address, bytes]]] = {
             n: deque(maxlen=ANSWERS) for n in world.modules
         }
-        self._ended: list[tuple[Motion, MotionState]] = []
+        self._ended: list[tuple[Undertaking, MotionState]] = []
         self._decoders: dict[int, tuple[Book, str] | None] = {}
         self.books: dict[Axis, Book] = {
             axis: Book(f"{node_id}.{axis.number}", axis, world.modules[node_id].module.axes[axis.number])
@@ -120,12 +127,25 @@ class Invariants:
         book.commands += 1
         request = motion.request
         book.may_turn = f"{motion.kind} {request}"
-        if motion.kind is MotionKind.HOME:
+        if motion.kind in (MotionKind.HOME, MotionKind.SET_POSITION):
             book.homed = True
         if motion in axis.queued:
             book.waiting.append(motion)
         else:
             self._begun(book, motion)
+
+    def commanded_together(self, together: Together) -> None:
+        """The master accepted what several axes do together."""
+        undertaking = together.undertaking
+        timing = self._world.network.timing
+        # Preparing, and before that coming to rest from something else and the starts of other groups.
+        before = 12 * (timing.sdo_queue + timing.sdo_response + timing.sdo_quarantine) + 30.0
+        bound = before + together.lasts * timing.motion_factor + timing.motion_margin + timing.stuck
+        for axis, goal in zip(undertaking.axes, together.goals, strict=True):
+            book = self.books[axis]
+            book.commands += 1
+            book.may_turn = str(together)
+            book.open.append((undertaking, self._now + bound, goal))
 
     def _begun(self, book: Book, motion: Motion) -> None:
         """Its turn has come: a relative move begins from here."""
@@ -135,6 +155,8 @@ class Invariants:
         if isinstance(move, MoveRequest):
             goal = move.target + (self.position(book) if move.relative else 0)
         bound = self._bound(motion, 0 if goal is None else goal - self.position(book))
+        if isinstance(request, SetPositionRequest):
+            goal = request.position
         book.open.append((motion, self._now + bound, goal))
 
     def acknowledged(
@@ -143,6 +165,8 @@ class Invariants:
         """The master said that the axis stands; `commands` and `enables` are those of before it was asked."""
         book = self.books[axis]
         if book.commands == commands:
+            for undertaking in {id(entry[0]): entry[0] for entry in book.open}.values():
+                self._over(undertaking)
             if book.turns:
                 self.violated(f"{book.name}: {what} was acknowledged while the motor turns")
             book.may_turn = ""
@@ -150,6 +174,15 @@ class Invariants:
             if book.state is PowerState.OPERATION_ENABLED:
                 self.violated(f"{book.name}: {what} was acknowledged while the axis is enabled")
             book.may_enable = False
+
+    def _over(self, undertaking: Undertaking) -> None:
+        """One axis's part has ended: unless they are commanded anew, the others come to rest too."""
+        if isinstance(undertaking, Motion):
+            return
+        for axis in undertaking.axes:
+            book = self.books[axis]
+            if book.open and book.open[-1][0] is undertaking and book.void is None:
+                book.void = book.commands, self._now, str(undertaking.kind)
 
     def restarted(self, node_id: int) -> None:
         """A module starts anew: whatever was commanded is void."""
@@ -237,6 +270,8 @@ class Invariants:
             return
         for book in self.books.values():
             self._look_at_motor(book)
+            if book.void is not None:
+                self._look_at_void(book)
             if book.sim.state is not book.state:
                 self._look_at_state(book)
             if book.waiting:
@@ -272,6 +307,23 @@ class Invariants:
             enabled = book.sim.state is PowerState.OPERATION_ENABLED
             if not (enabled and book.may_turn.startswith(MotionKind.VELOCITY)):
                 book.may_turn = ""
+
+    def _look_at_void(self, book: Book) -> None:
+        assert book.void is not None
+        commands, since, what = book.void
+        axis = book.axis
+        if book.commands != commands or not book.turns:
+            if book.commands != commands or (self._now > since + GROUP_ENDS and axis.errand is None):
+                book.void = None
+        elif (
+            axis.errand is not None
+            or axis.node.state is not NodeState.OPERATIONAL
+            or axis.status.stale
+            or self._world.loop.stalled
+        ):
+            book.void = commands, self._now, what
+        elif self._now > since + GROUP_ENDS + HIGHEST_SPEED / axis.config.deceleration:
+            self.violated(f"{book.name}: it still turns though the {what} that it took part in is over")
 
     def _unprotected(self, book: Book) -> bool:
         node_id = book.axis.node.node_id
@@ -309,17 +361,26 @@ class Invariants:
                 self._world.trace.note(
                     "motion", f"{book.name} {motion.kind} {motion.state} {motion.error or ''}"
                 )
+                if motion.state is not MotionState.SUCCEEDED and not book.open:
+                    self._void(book, motion)
                 self._ended.append((motion, motion.state))
                 self._look_at_end(book, motion, goal)
-            elif book.axis.errand is None and not self._world.loop.stalled:
+            elif isinstance(motion, Motion) and book.axis.errand is None and not self._world.loop.stalled:
                 self.violated(
                     f"{book.name}: {motion.kind} {motion.request} is {motion.state}, and nobody is at it"
                 )
             elif self._now > deadline + self._world.loop.stalled_in_all:
-                self.violated(f"{book.name}: {motion.kind} {motion.request} has not ended in time")
+                self.violated(f"{book.name}: {motion.kind} ({book.may_turn}) has not ended in time")
 
-    def _look_at_end(self, book: Book, motion: Motion, goal: int | None) -> None:
-        if motion.ended is None or (motion.result is not None) is not (motion.state is MotionState.SUCCEEDED):
+    def _void(self, book: Book, undertaking: Undertaking) -> None:
+        if not isinstance(undertaking, Motion) and book.void is None:
+            book.void = book.commands, self._now, str(undertaking.kind)
+
+    def _look_at_end(self, book: Book, motion: Undertaking, goal: int | None) -> None:
+        succeeded = motion.state is MotionState.SUCCEEDED
+        told = motion.result is not None
+        measured = motion.kind is MotionKind.TRAJECTORY  # what its sender came to, however it ended
+        if motion.ended is None or (told is not succeeded and not (told and measured)):
             self.violated(
                 f"{book.name}: a motion that {motion.state} says {motion.result} and {motion.error}"
             )
@@ -340,6 +401,17 @@ class Invariants:
                     self.violated(f"{book.name}: a homing succeeded at {self.position(book)}")
                 if not book.open and not book.waiting:
                     book.may_turn = ""
+            case MotionKind.COORDINATED_MOVE | MotionKind.TRAJECTORY:
+                off = 0 if goal is None else abs(self.position(book) - goal)
+                if book.turns or off > (motion.kind is MotionKind.TRAJECTORY):
+                    self.violated(
+                        f"{book.name}: a {motion.kind} to {goal} succeeded at {self.position(book)}"
+                    )
+                if not book.open and not book.waiting:
+                    book.may_turn = ""
+            case MotionKind.SET_POSITION:
+                if self.position(book) != goal:
+                    self.violated(f"{book.name}: set to {goal}, it stands at {self.position(book)}")
             case MotionKind.VELOCITY:
                 if goal is not None and self.position(book) != goal:
                     self.violated(f"{book.name}: a travel to {goal} succeeded at {self.position(book)}")
@@ -425,6 +497,8 @@ class Invariants:
                     request.acceleration or config.acceleration, request.deceleration or config.deceleration
                 )
                 lasts = abs(distance) / velocity + 2 * velocity / gentlest
+            case SetPositionRequest():
+                lasts = 10.0
             case HomeRequest():
                 lasts = request.timeout_s or predict_home(config, request).duration_s
             case VelocityRequest():

@@ -54,6 +54,10 @@ class ServiceBus:
     def counters(self) -> BusCounters:
         return self._port.counters
 
+    @property
+    def beside(self) -> None:
+        """None: a trajectory's sender stays in the event loop, on its clock."""
+
     async def open(self) -> None:
         self._port.join()
 

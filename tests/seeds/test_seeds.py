@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 from seed_run import run
 
-CHUNKS = 20
-SEEDS_IN_A_CHUNK = 8
+CHUNKS = 18
+SEEDS_IN_A_CHUNK = 5
 
 REPOSITORY = Path(__file__).parents[2]
 

@@ -13,6 +13,8 @@ from drivers.cia402.modes import Mode
 from drivers.cia402.power import Controlword
 from drivers.master import Axis, Network, positioning, stopping
 from drivers.master.drive import Drive
+from drivers.master.group import GroupMotion
+from drivers.master.group_member import Member
 from drivers.master.motion import Undertaking
 from drivers.master.router import Router
 from drivers.master.sdo_client import SdoClient
@@ -87,6 +89,24 @@ def an_old_velocity_starts_with_the_mode(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(Drive, "halt", halt_without_zero)
 
 
+def one_of_a_group_is_forgotten_when_it_is_over(patch: pytest.MonkeyPatch) -> None:
+    abort = GroupMotion._abort
+
+    def forgetful(self: GroupMotion, *why: Any) -> None:
+        axes = self.axes
+        self.axes = axes[:-1]
+        try:
+            abort(self, *why)
+        finally:
+            self.axes = axes
+
+    patch.setattr(GroupMotion, "_abort", forgetful)
+
+
+def a_group_takes_one_for_arrived_that_still_turns(patch: pytest.MonkeyPatch) -> None:
+    patch.setattr(Member, "_there", lambda self, status: self.started.is_set())
+
+
 MISTAKES: Mapping[str, Callable[[pytest.MonkeyPatch], None]] = {
     made.__name__: made
     for made in (
@@ -98,6 +118,8 @@ MISTAKES: Mapping[str, Callable[[pytest.MonkeyPatch], None]] = {
         an_axis_is_enabled_when_its_node_comes_back,
         a_motion_ends_and_nobody_says_so,
         an_old_velocity_starts_with_the_mode,
+        one_of_a_group_is_forgotten_when_it_is_over,
+        a_group_takes_one_for_arrived_that_still_turns,
     )
 }
 
