@@ -18,7 +18,7 @@ MM = Settings(
             id=1,
             name="stage",
             axes=(
-                AxisSettings(name="x", unit="mm", steps_per_unit=1280, soft_limits=(-5, 40)),
+                AxisSettings(name="x", unit="mm", steps_per_unit=1280, soft_limits=[-5, 40]),
                 AxisSettings(name="y"),
             ),
         ),
