@@ -65,6 +65,7 @@ class AxisBody:
         self._confirming: asyncio.Task[None] | None = None
         self._activity = Activity(self._tools, self.backbone.report_bug)
         self.setup = AxisSetup(self._tools, node.establisher)
+        self.backbone.sync.watch(self)
 
     # --- what it is and does ---
 
@@ -199,13 +200,17 @@ class AxisBody:
             self.begin_stop(error.message)
 
     def back_in_reach(self) -> None:
-        """The node is operational: an axis that turns, though it was to stop meanwhile, is stopped now."""
+        """The node is operational: an axis that turns, though it was to stop meanwhile, is stopped now; what
+        may wait in the module for a SYNC is made harmless.
+        """
         latch = self.backbone.stop_latched
         if self.status.moving and latch is not None:
             self.begin_stop(f"A stop for everything is latched: {latch.reason}")
         elif self.status.moving and self._owes_stop:
             self.begin_stop("The axis was out of reach after it had been commanded.")
         self._owes_stop = False
+        if self.backbone.sync.user is None:  # who has it now, makes it harmless at its end
+            self.backbone.sync.make_harmless((self,))
 
     def forget(self, *, reference_lost: bool) -> None:
         """The module started anew: no reference, no parameters, nothing commanded."""

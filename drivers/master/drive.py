@@ -70,7 +70,7 @@ class Drive:
         self.commanded_mode: Mode | None = None
         self.target = 0
         """What was commanded last, steps or steps/s as the mode has it."""
-        self._prepared = False
+        self.prepared = False
         """Whether something may wait in the module for the next SYNC."""
 
     # --- upwards ---
@@ -139,7 +139,8 @@ class Drive:
         """The module started anew: nothing that was commanded or seen holds any more."""
         self.unwatch()
         self.controlword = self.commanded_mode = None
-        self._prepared = False
+        self.prepared = False
+        """Whether a set point may wait in the module for a SYNC."""
         self.status_at = self.motion_at = None
         self._replace(AxisStatus(emergencies=self.status.emergencies, reference=self.status.reference))
 
@@ -253,24 +254,26 @@ class Drive:
         Until then it waits in the module: what is not to happen any more must be prepared over.
         """
         self.controlword, self.target = controlword, target
-        self._prepared = True
-        self._send_synchronous(controlword)
+        self.prepared = True
+        self._send_synchronous(controlword, target)
+
+    def note_prepared(self) -> None:
+        """Somebody else sent set points that wait for a SYNC."""
+        self.prepared = True
 
     def note_taken(self) -> None:
         """What was prepared is seen to have been taken: nothing waits in the module any more."""
-        self._prepared = False
+        self.prepared = False
 
-    def prepare_over(self) -> bool:
-        """Put what was commanded last, without a set point, over what may wait in the module for a SYNC.
-
-        True if something may: the caller sends a SYNC then, so that nothing goes on waiting.
+    def prepare_over(self) -> None:
+        """Put what was commanded last, without a set point and with the position that the axis has, over what
+        may wait in the module for a SYNC.
         """
-        if not self._prepared:
-            return False
-        self._prepared = False
         word = self.holding if self.controlword is None else self.controlword
-        self._send_synchronous(word & ~Controlword.NEW_SET_POINT)
-        return True
+        if self.mode is not Mode.HOMING:  # there the bit is a level that a homing needs
+            word &= ~Controlword.NEW_SET_POINT
+        position = self.status.position  # in csp a target counts without an edge
+        self._send_synchronous(word, self.target if position is None else position)
 
     def command_velocity(self, controlword: int, velocity: int, *, urgent: bool = False) -> None:
         """RPDO 3; `velocity` in steps/s."""
@@ -307,9 +310,9 @@ class Drive:
 
     # --- inside ---
 
-    def _send_synchronous(self, controlword: int) -> None:
+    def _send_synchronous(self, controlword: int, target: int) -> None:
         pdo = self._pdos.synchronous
-        self._send(Frame(pdo.cob_id, pdo.mapping.pack((controlword, self.target))), False)
+        self._send(Frame(pdo.cob_id, pdo.mapping.pack((controlword, target))), False)
 
     @property
     def _enable_commanded(self) -> bool:

@@ -14,7 +14,7 @@ import contextlib
 from collections.abc import Awaitable, Callable, Iterable, Sequence
 from dataclasses import dataclass
 
-from drivers.errors import AxisFault, BusError, CanaxisError, MotionFailed, MotionTimeout, Obstacle
+from drivers.errors import AxisFault, CanaxisError, MotionFailed, MotionTimeout, Obstacle
 from drivers.master.axis import Axis
 from drivers.master.coordination import Coordination, coordinate
 from drivers.master.drive import Condition
@@ -122,10 +122,7 @@ class GroupMotion(Undertaking):
             self._task.cancel()
 
     def _prepare_over(self) -> None:
-        with contextlib.suppress(BusError):
-            waiting = [member.tools.drive.prepare_over() for member in self.members]
-            if any(waiting):
-                self._backbone.sync.send()
+        self._backbone.sync.make_harmless(self.axes)
 
     async def _hold(self) -> None:
         """The part of an axis: to be busy with this."""
@@ -143,6 +140,7 @@ class GroupMotion(Undertaking):
             while any(axis.motion is self for axis in self.axes):  # noqa: ASYNC110 - their tasks' next turn
                 await asyncio.sleep(0)
             if self._verdict is None:
+                self._prepare_over()
                 self.succeed(result)
                 return
         except asyncio.CancelledError:

@@ -6,11 +6,16 @@ a group of axes for the moment of its start, a trajectory for as long as it last
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+import contextlib
+from collections.abc import Callable, Collection, Iterable
+from typing import TYPE_CHECKING
 
 from drivers.bus.frame import Frame
 from drivers.cia301 import cob, sync
-from drivers.errors import NotReady, Obstacle
+from drivers.errors import BusError, NotReady, Obstacle
+
+if TYPE_CHECKING:
+    from drivers.master.axis_body import AxisBody
 
 Send = Callable[[Frame], None]
 """Puts a frame on the bus; raises `BusError`."""
@@ -27,18 +32,47 @@ class SyncProducer:
         """Who has it now, for people."""
         self.foreign = 0
         """SYNCs of somebody else on the bus so far."""
+        self._axes: list[AxisBody] = []
+
+    def watch(self, axis: AxisBody) -> None:
+        """An axis of the bus, in whose module a set point may wait for a SYNC."""
+        self._axes.append(axis)
 
     def obstacles(self) -> tuple[Obstacle, ...]:
         """What prevents a claim now."""
-        if self.user is None:
-            return ()
-        return (
+        if self.user is not None:
+            return (
+                Obstacle(
+                    "sync_in_use",
+                    f"The SYNC of the bus is in use by {self.user}.",
+                    "Wait until that has ended, or stop it.",
+                ),
+            )
+        owed = [axis for axis in self._axes if axis.tools.drive.prepared]
+        return tuple(
             Obstacle(
-                "sync_in_use",
-                f"The SYNC of the bus is in use by {self.user}.",
-                "Wait until that has ended, or stop it.",
-            ),
+                "set_point_waits",
+                f"A set point may still wait in node {axis.node.name} for a SYNC, which would move axis "
+                f"{axis.name}: the node went out of reach in the middle of a motion.",
+                "Bring the node back, or switch it off and on: what waits is made harmless then.",
+            )
+            for axis in owed
         )
+
+    def make_harmless(self, axes: Iterable[AxisBody]) -> None:
+        """Put what changes nothing over a set point that may wait in a module, and have that taken.
+
+        For the axes that can be reached; the others still owe it (`obstacles`), until they are back.
+        """
+        owing = [axis for axis in axes if axis.tools.drive.prepared and axis.node.takes_pdo_commands]
+        if not owing:
+            return
+        with contextlib.suppress(BusError):
+            for axis in owing:
+                axis.tools.drive.prepare_over()
+            self.send()
+            for axis in owing:
+                axis.tools.drive.note_taken()
 
     def claim(self, user: str) -> None:
         """Have it for oneself until `release`. Raises `NotReady` while somebody else has it."""

@@ -20,7 +20,7 @@ from drivers.cyclic.inloop import LoopSender
 from drivers.cyclic.playback import Cause, Row
 from drivers.cyclic.process import ProcessSender
 from drivers.cyclic.sender import CyclePlan, CyclicSender, Phase, Track
-from drivers.errors import BadValue, BusError, CanaxisError, MotionFailed
+from drivers.errors import BadValue, CanaxisError, MotionFailed
 from drivers.master import trajectory_axis
 from drivers.master.axis import Axis
 from drivers.master.errands import ErrandName
@@ -265,25 +265,14 @@ class Trajectory(Joint):
         await self._sender.close()
         try:
             if silent and self.started is not None:
+                for axis in self.axes:
+                    axis.tools.drive.note_prepared()
                 with contextlib.suppress(TimeoutError):
                     async with asyncio.timeout(_CLEARING):
                         await asyncio.gather(*(a.stands() for a in self.axes), return_exceptions=True)
-                self._prepare_over()
+                self.backbone.sync.make_harmless(self.axes)
         finally:
             self.backbone.sync.release(self._user)
-
-    def _prepare_over(self) -> None:
-        """What waits for a SYNC holds a controlword: replace it by the one that changes nothing, and let that
-        be taken.
-        """
-        with contextlib.suppress(BusError):
-            for axis in self.axes:
-                drive = axis.tools.drive
-                if axis.node.takes_pdo_commands:
-                    word = drive.holding
-                    halted = Controlword.HALT if drive.halted else 0
-                    drive.prepare_position(word | halted, axis.status.position or 0)
-            self.backbone.sync.send()
 
     # --- the sender ---
 

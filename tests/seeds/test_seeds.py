@@ -16,9 +16,6 @@ from seed_run import run
 CHUNKS = 18
 SEEDS_IN_A_CHUNK = 5
 
-OPEN = {35: "a row of a trajectory waits in RPDO 4 while the adapter is unplugged, then any SYNC moves it"}
-"""Seeds that show a fault of the product which is not mended yet."""
-
 REPOSITORY = Path(__file__).parents[2]
 
 
@@ -26,15 +23,8 @@ REPOSITORY = Path(__file__).parents[2]
 @pytest.mark.parametrize("chunk", range(CHUNKS))
 def test_every_invariant_holds_at_every_instant_of_every_seed(chunk: int) -> None:
     for seed in range(chunk * SEEDS_IN_A_CHUNK, (chunk + 1) * SEEDS_IN_A_CHUNK):
-        if seed not in OPEN:
-            outcome = run(seed)
-            assert outcome.violation is None, str(outcome)
-
-
-@pytest.mark.xfail(reason="see OPEN", strict=True)
-@pytest.mark.parametrize("seed", OPEN)
-def test_what_is_not_mended_yet(seed: int) -> None:
-    assert run(seed).violation is None
+        outcome = run(seed)
+        assert outcome.violation is None, str(outcome)
 
 
 def test_a_seed_plays_the_same_again_and_in_another_process() -> None:

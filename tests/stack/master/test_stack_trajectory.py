@@ -10,6 +10,7 @@ from collections.abc import Callable
 import pytest
 from stack_kit import Stack, stack_of, until
 
+from drivers.bus.frame import Frame
 from drivers.cia402.modes import Mode
 from drivers.cia402.power import PowerState
 from drivers.errors import AxisBusy, MotionFailed, NodeAway, NotReady
@@ -222,6 +223,32 @@ async def test_a_bus_that_is_gone_ends_it_and_nothing_goes_on_when_it_is_back(st
     await asyncio.sleep(1)
     assert motors(stack) == places
     await until(lambda: not axes[0].backbone.sync.obstacles(), 60)
+
+
+@pytest.mark.looptime
+async def test_a_row_that_waits_behind_a_short_gap_of_the_bus_is_made_harmless_before_any_sync(
+    stack: Stack,
+) -> None:
+    axes = await stack.enabled()
+    trajectory = follow(axes, points_of(*WAYS))
+    await until(lambda: trajectory.state is MotionState.RUNNING)
+    await asyncio.sleep(0.6)
+    stack.port.unplug()
+    await asyncio.sleep(0.2)  # less than 1016h: the drives stay enabled, and in csp
+    sync = axes[0].backbone.sync
+    assert trajectory.done
+    await until(lambda: sync.user is None, 60)
+    assert {obstacle.code for obstacle in sync.obstacles()} == {"set_point_waits"}
+    stack.port.plug()
+    await until(lambda: not sync.obstacles(), 60)
+    await asyncio.sleep(1)
+    places = motors(stack)
+    stranger = stack.wire.port("stranger")
+    await stranger.open()
+    stranger.send(Frame(0x080, b""))
+    await asyncio.sleep(1)
+    assert motors(stack) == places
+    await stranger.close()
 
 
 @pytest.mark.looptime
