@@ -8,10 +8,11 @@ from typing import Annotated, Any
 from fastapi import Depends, Response
 
 from app import views
-from app.deps import AskerDep, ServiceDep, WaitDep
+from app.deps import AskerDep, CommandSource, ServiceDep, Wait, WaitDep
 from app.operations import operation_path
 from app.schemas.operations import OperationReply
 from app.schemas.previews import PreviewReply
+from app.service import Service
 from drivers.master.axis import Axis
 from drivers.master.motion import MotionKind, Undertaking
 from drivers.master.node import Node
@@ -21,7 +22,7 @@ from drivers.master.requests import OnBusy, Request
 class Starter:
     """Starts the operation of one request."""
 
-    def __init__(self, service: ServiceDep, asker: AskerDep, wait: WaitDep, response: Response) -> None:
+    def __init__(self, service: Service, asker: CommandSource, wait: Wait, response: Response) -> None:
         self._service = service
         self.meant = service.meant
         self._asker = asker
@@ -85,4 +86,9 @@ def _axes(axes: Axis | Node | Sequence[Axis]) -> tuple[Axis, ...]:
     return (axes,) if isinstance(axes, Axis) else tuple(axes)
 
 
-StarterDep = Annotated[Starter, Depends()]
+async def get_starter(service: ServiceDep, asker: AskerDep, wait: WaitDep, response: Response) -> Starter:
+    """A starter for this request. A coroutine, since FastAPI makes anything else in a thread."""
+    return Starter(service, asker, wait, response)
+
+
+StarterDep = Annotated[Starter, Depends(get_starter)]

@@ -116,7 +116,8 @@ class SdoTransfer(abc.ABC):
             return Ignored(f"an SDO frame has 8 bytes, not {len(data)}")
         command = data[0] >> 5
         step = self._feed_segment(data) if command in _SEGMENTS else self._feed_addressed(command, data)
-        self._finished = isinstance(step, _ENDS)
+        if isinstance(step, _ENDS):
+            self._finished = True
         return step
 
     def _feed_addressed(self, command: int, data: bytes) -> Step:

@@ -31,7 +31,7 @@ def test_no_server_error_and_no_undocumented_answer(tmp_path: Path) -> None:
                 "--checks", ",".join(CHECKS), "--exclude-path", "/api/v1/events",
                 # Waits for as long as 1016h says, ten seconds here; tests/api has it on a virtual clock.
                 "--exclude-path", "/api/v1/nodes/{node}/verify-failsafe",
-                "--max-examples", "20", "--generation-deterministic", "--no-color",
+                "--max-examples", "12", "--generation-deterministic", "--no-color",
             ],
             env={**os.environ, "SCHEMATHESIS_HOOKS": "schemathesis_hooks", "PYTHONPATH": str(HERE)},
             cwd=tmp_path, capture_output=True, text=True, timeout=150, check=False,
