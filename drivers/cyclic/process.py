@@ -70,7 +70,9 @@ class ProcessSender:
         self._say(messages.pack(messages.BRAKE))
 
     def cut(self) -> None:
-        """See `CyclicSender.cut`: the process is killed."""
+        """See `CyclicSender.cut`: the process is killed, once."""
+        if self._cut:
+            return
         self._cut = True
         if self._process is not None and self._process.returncode is None:
             with contextlib.suppress(ProcessLookupError):

@@ -17,7 +17,7 @@ from app.leasing import LeaseEnd
 from app.main import create_app
 from app.roles import DRY_RUNS, needs_lease
 from app.settings import AuditSettings, Settings
-from app.starting import Starter
+from app.starting import get_starter
 
 pytestmark = pytest.mark.looptime
 
@@ -296,7 +296,7 @@ def test_every_command_about_axes_looks_for_leases() -> None:
     """By the axis or node of its path (`app/deps.py`), or as an operation on axes (`app/starting.py`)."""
 
     def looks(dependant: Any) -> bool:
-        calls = (get_axis, get_node, every_axis, Starter)
+        calls = (get_axis, get_node, every_axis, get_starter)
         return any(each.call in calls or looks(each) for each in dependant.dependencies)
 
     routes = [each for each in create_app(Settings()).routes if isinstance(each, APIRoute)]

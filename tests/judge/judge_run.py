@@ -28,6 +28,8 @@ NODES = (1, 2)
 AXES = tuple((node, axis) for node in NODES for axis in range(3))
 FARTHEST = 60_000
 """Steps: the targets are within this of 0."""
+RAMP = 10.0
+"""Seconds within which every axis stands once all has ended."""
 ENDED = {OperationState.SUCCEEDED, OperationState.FAILED, OperationState.CANCELLED}
 SETTINGS = """\
 network: {consumer_ms: 2000, node_heartbeat_ms: 1000}
@@ -81,7 +83,7 @@ def run(directory: Path, commands: int, *, clients: int = 4, restarts: int = 3, 
             client.join()
         with httpx.Client(base_url=url, timeout=60) as http:
             _until_all_ended(http)
-            statuses = [http.get(f"/api/v1/nodes/{node}/axes/{axis}").json() for node, axis in AXES]
+            statuses = _at_rest(http)
         service.signal(signal.SIGTERM)
         service.ended()
         handed_over = Counter(wire.handed_over)
@@ -191,6 +193,15 @@ def _until_all_ended(http: httpx.Client) -> None:
     for state in ("running", "queued"):
         for operation in http.get(f"/api/v1/operations?state={state}&limit=1000").json()["operations"]:
             http.get(f"/api/v1/operations/{operation['id']}?wait=30")
+
+
+def _at_rest(http: httpx.Client) -> list[dict[str, Any]]:
+    """Every axis's status, once none moves: a cancelled operation's axis may still be ramping down."""
+    deadline = time.monotonic() + RAMP
+    while True:
+        statuses = [http.get(f"/api/v1/nodes/{node}/axes/{axis}").json() for node, axis in AXES]
+        if not any(status["moving"] for status in statuses) or time.monotonic() > deadline:
+            return statuses
 
 
 def _operations(file: Path) -> dict[str, tuple[OperationReply, str | None]]:

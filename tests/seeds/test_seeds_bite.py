@@ -89,12 +89,12 @@ def an_old_velocity_starts_with_the_mode(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(Drive, "halt", halt_without_zero)
 
 
-def one_of_a_group_is_forgotten_when_it_is_over(patch: pytest.MonkeyPatch) -> None:
+def the_others_of_a_group_are_forgotten_when_it_is_over(patch: pytest.MonkeyPatch) -> None:
     abort = GroupMotion._abort
 
     def forgetful(self: GroupMotion, *why: Any) -> None:
         axes = self.axes
-        self.axes = axes[:-1]
+        self.axes = ()
         try:
             abort(self, *why)
         finally:
@@ -118,7 +118,7 @@ MISTAKES: Mapping[str, Callable[[pytest.MonkeyPatch], None]] = {
         an_axis_is_enabled_when_its_node_comes_back,
         a_motion_ends_and_nobody_says_so,
         an_old_velocity_starts_with_the_mode,
-        one_of_a_group_is_forgotten_when_it_is_over,
+        the_others_of_a_group_are_forgotten_when_it_is_over,
         a_group_takes_one_for_arrived_that_still_turns,
     )
 }

@@ -19,7 +19,7 @@ from app.keys import PRUNE_EACH, Claim, Keys
 from app.main import create_app
 from app.roles import SAFE_METHODS, Role, is_stop
 from app.settings import Settings
-from app.starting import Starter
+from app.starting import get_starter
 from app.store.database import Database
 from app.store.keys import names
 from app.tokens import Principal
@@ -294,6 +294,6 @@ def test_every_command_spends_its_key_in_one_way() -> None:
         if is_stop(route.path) or route.name in HOLD_NO_KEY:
             continue
         looked_at += 1
-        ways = [_depends_on(route.dependant, way) for way in (Starter, command_headers)]
+        ways = [_depends_on(route.dependant, way) for way in (get_starter, command_headers)]
         assert sum(ways) == 1, route.name
     assert looked_at > 8
