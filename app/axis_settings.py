@@ -25,8 +25,8 @@ from pydantic import (
 from pydantic_core import CoreSchema
 
 from drivers.errors import BadValue
-from drivers.master.config import AxisConfig
-from drivers.master.gearing import STEPS, Gearing, exact, micrometres
+from drivers.master.plan.configuration import AxisConfig
+from drivers.master.plan.gearing import STEPS, Gearing, exact, micrometres
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,62}$")]
 _MEASURE = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?)\s*([^\s\d].{0,23}?)?\s*")

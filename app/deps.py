@@ -17,9 +17,9 @@ from app.schemas.common import NoBody
 from app.schemas.operations import Asker
 from app.service import Service
 from app.tokens import Principal
-from drivers.master.axis import Axis
-from drivers.master.motion import Undertaking
-from drivers.master.node import Node
+from drivers.master.axis.axis import Axis
+from drivers.master.motions.motion import Undertaking
+from drivers.master.node.node import Node
 
 LONGEST_WAIT = 600.0
 LONGEST_REFERENCE = 64

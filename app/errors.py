@@ -22,7 +22,7 @@ from app.problems import ApiError, ProblemReply
 from app.replies import problem_response
 from app.service import Service
 from drivers.errors import AxisBusy, CanaxisError, LineFull, NotReady
-from drivers.master.motion import Undertaking
+from drivers.master.motions.motion import Undertaking
 
 log: structlog.stdlib.BoundLogger = structlog.get_logger("canaxis.http")
 

@@ -7,8 +7,8 @@ from datetime import datetime
 from app.schemas.common import Quantity
 from app.schemas.operations import AxisTrack, EvidenceReply, FoundAxis, SeenEmergency, SightReply
 from app.units import Scale
-from drivers.master.axis import Axis
-from drivers.master.evidence import Evidence
+from drivers.master.axis.axis import Axis
+from drivers.master.seen.evidence import Evidence
 
 
 def nothing() -> EvidenceReply:

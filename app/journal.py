@@ -6,10 +6,10 @@ from typing import cast
 
 import structlog
 
-from drivers.master.emergencies import EmergencyRecord
-from drivers.master.events import Event, Subscription
-from drivers.master.motion import MotionState, Undertaking
-from drivers.master.status import NodeState, NodeStatus
+from drivers.master.motions.motion import MotionState, Undertaking
+from drivers.master.seen.emergencies import EmergencyRecord
+from drivers.master.seen.events import Event, Subscription
+from drivers.master.seen.status import NodeState, NodeStatus
 
 KINDS = frozenset({"bus", "emergency", "motion", "node", "stop"})
 """All but the axes' statuses, which come with every PDO, and the leases, whose keeper writes the log."""

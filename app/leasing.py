@@ -19,7 +19,7 @@ from app.schemas.leases import LeaseAxis, LeaseLinks, LeaseReply
 from app.store import counters
 from app.store.database import Database, StoreOff
 from drivers.errors import CanaxisError
-from drivers.master.axis import Axis
+from drivers.master.axis.axis import Axis
 from drivers.master.network import Network
 
 FENCING = "fencing"

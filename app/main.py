@@ -44,9 +44,9 @@ from drivers.bus.base import Bus
 from drivers.bus.pythoncan import PythonCanBus, interfaces
 from drivers.devices.catalog import Catalog
 from drivers.errors import BadValue
-from drivers.master.axis_parameters import check_ranges
-from drivers.master.config import NetworkConfig
 from drivers.master.network import Network
+from drivers.master.plan.axis_parameters import check_ranges
+from drivers.master.plan.configuration import NetworkConfig
 
 ROUTERS = (  # in the order in which paths are tried: what is asked most comes first
     axes.router,

@@ -12,7 +12,7 @@ from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metri
 from prometheus_client.registry import Collector
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from drivers.master.status import NodeState
+from drivers.master.seen.status import NodeState
 
 if TYPE_CHECKING:
     from app.service import Service

@@ -22,10 +22,10 @@ from app.store import operations as records
 from app.store.database import Database, StoreOff
 from app.units import Scale
 from app.views import axis_path, peak
-from drivers.master.axis import Axis
-from drivers.master.group import GroupMotion
-from drivers.master.motion import MotionKind, Undertaking
-from drivers.master.node import Node
+from drivers.master.axis.axis import Axis
+from drivers.master.motions.motion import MotionKind, Undertaking
+from drivers.master.node.node import Node
+from drivers.master.together.coordinated_move import GroupMotion
 
 KEPT = 1000
 """How many ended operations are held in memory."""

@@ -12,8 +12,8 @@ from app.store import positions as records
 from app.store.database import Database, Statement, StoreOff
 from app.store.positions import NamedPosition, Place
 from drivers.errors import CanaxisError, NodeAway, NotReady, Obstacle
-from drivers.master.axis import Axis
-from drivers.master.status import NodeState
+from drivers.master.axis.axis import Axis
+from drivers.master.seen.status import NodeState
 
 MOST = 2048
 """Positions of one axis: enough for a plate of 1536 wells."""

@@ -9,7 +9,7 @@ from app.operations import OperationRegister
 from app.schemas.operations import OperationReply
 from drivers.errors import CanaxisError
 from drivers.master.network import Network
-from drivers.master.status import NodeState
+from drivers.master.seen.status import NodeState
 
 
 async def note_what_is_found(

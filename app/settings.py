@@ -19,7 +19,7 @@ from pydantic import Field, SecretStr, ValidationError, field_validator, model_v
 
 from app.axis_settings import AxisSettings, Name, Section, SettingsError
 from drivers.errors import BadValue
-from drivers.master.config import NetworkConfig, NodeConfig
+from drivers.master.plan.configuration import NetworkConfig, NodeConfig
 
 __all__ = ["AxisSettings", "Settings", "SettingsError", "load_settings"]
 

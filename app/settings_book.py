@@ -1,8 +1,8 @@
 """The axes' settings of now: those of the settings file, and over them what was set at run time.
 
 What was set at run time is kept in the store as revisions. A change is written to the modules with read-back,
-then kept, and only then gone by (`drivers.master.reconfigure`); if any of that fails, the old settings stay
-everywhere.
+then kept, and only then gone by (`drivers.master.node.reconfigure`); if any of that fails, the old settings
+stay everywhere.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from app.store import settings as records
 from app.store.database import Database, StoreOff
 from app.store.settings import Overlay, Revision
 from drivers.errors import BadValue
-from drivers.master.axis import Axis
-from drivers.master.axis_parameters import check_ranges
-from drivers.master.boot_log import Change
+from drivers.master.axis.axis import Axis
 from drivers.master.network import Network
-from drivers.master.reconfigure import reconfigure
+from drivers.master.node.reconfigure import reconfigure
+from drivers.master.plan.axis_parameters import check_ranges
+from drivers.master.plan.boot_log import Change
 
 MOST_REVISIONS = 1000
 """That are listed."""

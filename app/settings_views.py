@@ -36,12 +36,12 @@ from app.settings_book import SettingsBook
 from app.store.settings import Revision
 from app.views import change
 from drivers.errors import CanaxisError, SdoAborted
-from drivers.master.axis import Axis
-from drivers.master.axis_parameters import check_ranges
-from drivers.master.axis_parameters import wanted as wanted_objects
-from drivers.master.boot_log import Change
-from drivers.master.config import AxisConfig
-from drivers.master.gearing import shown
+from drivers.master.axis.axis import Axis
+from drivers.master.plan.axis_parameters import check_ranges
+from drivers.master.plan.axis_parameters import wanted as wanted_objects
+from drivers.master.plan.boot_log import Change
+from drivers.master.plan.configuration import AxisConfig
+from drivers.master.plan.gearing import shown
 
 if TYPE_CHECKING:
     from app.service import Service

@@ -13,10 +13,10 @@ from app.operations import operation_path
 from app.schemas.operations import OperationReply
 from app.schemas.previews import PreviewReply
 from app.service import Service
-from drivers.master.axis import Axis
-from drivers.master.motion import MotionKind, Undertaking
-from drivers.master.node import Node
-from drivers.master.requests import OnBusy, Request
+from drivers.master.axis.axis import Axis
+from drivers.master.motions.motion import MotionKind, Undertaking
+from drivers.master.node.node import Node
+from drivers.master.plan.requests import OnBusy, Request
 
 
 class Starter:

@@ -22,9 +22,9 @@ from starlette.types import Message, Receive, Scope, Send
 
 from app import views
 from app.problems import ApiError
-from drivers.master.emergencies import EmergencyRecord
-from drivers.master.events import Event, Subscription
-from drivers.master.motion import Undertaking
+from drivers.master.motions.motion import Undertaking
+from drivers.master.seen.emergencies import EmergencyRecord
+from drivers.master.seen.events import Event, Subscription
 
 if TYPE_CHECKING:
     from app.service import Service

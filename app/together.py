@@ -10,8 +10,8 @@ from app.schemas.common import Quantity
 from app.schemas.previews import PathReply
 from app.schemas.together import MovesPrediction, PredictedAxis
 from app.units import Scale
-from drivers.master.group import GroupMotion, GroupPrediction
-from drivers.master.group_member import Member
+from drivers.master.together.coordinated_move import GroupMotion, GroupPrediction
+from drivers.master.together.member import Member
 
 _SUFFIXES = {"position": "", "target": "", "velocity": "/s", "acceleration": "/s2", "deceleration": "/s2"}
 

@@ -17,7 +17,7 @@ from typing import Any, BinaryIO, NamedTuple, cast
 
 from app.problems import ApiError
 from app.uploads import CSV, Upload
-from drivers.master.trajectory_file import PointFile
+from drivers.master.together.trajectory_file import PointFile
 
 Events = Iterator[tuple[str, Any]]
 """What ijson makes of JSON: kind and value of each token."""

@@ -13,9 +13,9 @@ from typing import Any
 
 from app.problems import ApiError
 from app.schemas.common import Quantity
-from drivers.master.axis import Axis
-from drivers.master.config import AxisConfig
-from drivers.master.gearing import STEPS, exact, shown
+from drivers.master.axis.axis import Axis
+from drivers.master.plan.configuration import AxisConfig
+from drivers.master.plan.gearing import STEPS, exact, shown
 
 _BEYOND = 2**63
 """Steps that no object could hold."""

@@ -33,16 +33,16 @@ from app.schemas.terminals import (
 from app.store.positions import NamedPosition
 from app.units import Scale
 from drivers.errors import Obstacle
-from drivers.master.axis import Axis
-from drivers.master.boot_log import BootStep, Change, StepState
-from drivers.master.emergencies import EmergencyRecord
-from drivers.master.node import Node
-from drivers.master.outlook import Preview
-from drivers.master.prediction import Prediction
-from drivers.master.readiness import AxisCommand
-from drivers.master.status import Adoption, StopLatch, StopReport
-from drivers.master.terminals import AnalogLevel, DigitalLevel, Output
-from drivers.master.waiting import switches_of
+from drivers.master.axis.axis import Axis
+from drivers.master.axis.outlook import Preview
+from drivers.master.axis.readiness import AxisCommand
+from drivers.master.node.io import AnalogLevel, DigitalLevel, Output
+from drivers.master.node.node import Node
+from drivers.master.node.waiting import switches_of
+from drivers.master.plan.boot_log import BootStep, Change, StepState
+from drivers.master.plan.prediction import Prediction
+from drivers.master.seen.emergencies import EmergencyRecord
+from drivers.master.seen.status import Adoption, StopLatch, StopReport
 
 if TYPE_CHECKING:
     from app.leasing import Leases

@@ -41,8 +41,8 @@ from bench.report import Goal, Row
 from drivers.bus.pythoncan import PythonCanBus
 from drivers.devices.catalog import Catalog
 from drivers.master import AxisConfig, AxisStatus, Network, NetworkConfig, NodeConfig
-from drivers.master.pdo_plan import MOTION_OBJECTS, STATUS_OBJECTS, AxisPdos, PdoPlan
-from drivers.master.timing import Timing
+from drivers.master.ground.timing import Timing
+from drivers.master.plan.pdo_plan import MOTION_OBJECTS, STATUS_OBJECTS, AxisPdos, PdoPlan
 
 NODE = 1
 MODEL = "TMCM-3216"

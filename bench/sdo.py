@@ -32,11 +32,11 @@ from bench.wire import CAN_FRAME, CHANNEL, as_socketcan, pack, pair
 from drivers.bus.pythoncan import PythonCanBus
 from drivers.cia301 import cob
 from drivers.cia301.objects import Address
-from drivers.master.backbone import Backbone
-from drivers.master.config import NetworkConfig
-from drivers.master.router import Router
-from drivers.master.sdo_client import SdoClient
-from drivers.master.timing import Timing
+from drivers.master.ground.router import Router
+from drivers.master.ground.timing import Timing
+from drivers.master.node.backbone import Backbone
+from drivers.master.plan.configuration import NetworkConfig
+from drivers.master.sdo.client import SdoClient
 
 NODES: Final = (1, 8, 32)
 ANSWER: Final = 0.001

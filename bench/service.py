@@ -26,8 +26,8 @@ from bench.report import Goal, Row
 from bench.rig import Rig, rig
 from bench.server_process import EMPTY
 from drivers.devices.catalog import Catalog
-from drivers.master.pdo_plan import PdoPlan
-from drivers.master.timing import Timing
+from drivers.master.ground.timing import Timing
+from drivers.master.plan.pdo_plan import PdoPlan
 
 AXES = (0, 1, 2)
 STATUS = tuple(f"/api/v1/nodes/1/axes/{axis}" for axis in AXES)

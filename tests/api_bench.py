@@ -18,7 +18,7 @@ from app.service import Service
 from app.settings import Settings
 from drivers.bus.memory import MemoryBus, MemoryWire
 from drivers.devices.catalog import Catalog
-from drivers.master.status import NodeState
+from drivers.master.seen.status import NodeState
 from drivers.sim.module import SimulatedModule
 from drivers.sim.runner import SimulatedNode
 

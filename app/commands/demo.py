@@ -20,7 +20,7 @@ from app.logs import configure_logs
 from app.server import run_server
 from app.service import Service
 from app.settings import SettingsError, load_settings
-from drivers.master.status import NodeState
+from drivers.master.seen.status import NodeState
 
 STARTING = 20.0
 """Seconds that the simulator gets to start."""

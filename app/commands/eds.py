@@ -20,7 +20,7 @@ from app.settings import BusSettings, SettingsError, load_settings
 from drivers.bus.pythoncan import PythonCanBus
 from drivers.devices.catalog import Catalog
 from drivers.devices.eds import build_eds
-from drivers.master.comparison import Comparison, Difference, compare
+from drivers.master.node.comparison import Comparison, Difference, compare
 
 MODEL = "TMCM-3216"
 

@@ -12,7 +12,7 @@ from app.schemas.common import Problem
 from app.schemas.jog import ProblemMessage
 from app.schemas.operations import Asker
 from drivers.errors import CanaxisError
-from drivers.master.axis import Axis
+from drivers.master.axis.axis import Axis
 
 if TYPE_CHECKING:
     from collections.abc import Callable

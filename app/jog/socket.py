@@ -29,10 +29,10 @@ from app.schemas.common import Problem, Quantity
 from app.schemas.operations import Asker
 from app.units import Scale
 from drivers.errors import AxisFault, CanaxisError
-from drivers.master.axis import Axis
-from drivers.master.jogging import Jog, JogEnd
-from drivers.master.motion import MotionKind, MotionState, Undertaking
-from drivers.master.requests import JogRequest, check_velocity
+from drivers.master.axis.axis import Axis
+from drivers.master.motions.jogging import Jog, JogEnd
+from drivers.master.motions.motion import MotionKind, MotionState, Undertaking
+from drivers.master.plan.requests import JogRequest, check_velocity
 
 if TYPE_CHECKING:
     from app.service import Service

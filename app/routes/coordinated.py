@@ -17,10 +17,10 @@ from app.schemas.operations import OperationReply
 from app.schemas.together import MovesBody, MovesPrediction
 from app.starting import StarterDep
 from app.units import Scale
-from drivers.master.axis import Axis
-from drivers.master.group import GroupMotion, GroupPrediction
-from drivers.master.motion import MotionKind
-from drivers.master.requests import MoveRequest
+from drivers.master.axis.axis import Axis
+from drivers.master.motions.motion import MotionKind
+from drivers.master.plan.requests import MoveRequest
+from drivers.master.together.coordinated_move import GroupMotion, GroupPrediction
 
 router = Router(API, tags=["moves"])
 

@@ -15,7 +15,7 @@ from app.roles import API
 from app.routing import Router
 from app.schemas.system import LiveReply, ProblemTypeReply, ReadyReply, ServiceReply
 from app.service import Service
-from drivers.master.status import NodeState
+from drivers.master.seen.status import NodeState
 
 router = Router("", tags=["service"])
 api_root = Router(API, tags=["service"])

@@ -14,7 +14,7 @@ from app.roles import API
 from app.routing import Router
 from app.schemas.leases import LeaseBody, LeaseGranted, LeaseList, LeaseReply, ReleaseBody, RenewBody
 from app.service import Service
-from drivers.master.axis import Axis
+from drivers.master.axis.axis import Axis
 
 router = Router(f"{API}/leases", tags=["leases"])
 

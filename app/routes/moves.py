@@ -17,14 +17,8 @@ from app.schemas.operations import OperationReply
 from app.schemas.previews import PreviewReply
 from app.starting import StarterDep
 from app.units import Scale
-from drivers.master.motion import Motion, MotionKind
-from drivers.master.requests import (
-    HomeRequest,
-    MoveRequest,
-    OnBusy,
-    SetPositionRequest,
-    VelocityRequest,
-)
+from drivers.master.motions.motion import Motion, MotionKind
+from drivers.master.plan.requests import HomeRequest, MoveRequest, OnBusy, SetPositionRequest, VelocityRequest
 
 ANSWERED: Responses = {
     200: {

@@ -12,7 +12,7 @@ from app.problems import ApiError
 from app.roles import API
 from app.routing import Router
 from app.schemas.nodes import MeaningReply, ObjectBody, ObjectReply
-from drivers.master.node import Node, ObjectSpec
+from drivers.master.node.node import Node, ObjectSpec
 
 router = Router(f"{API}/nodes/{{node}}/objects", tags=["objects"])
 

@@ -24,8 +24,8 @@ from app.schemas.settings import (
     StoreReply,
 )
 from app.settings_book import MOST_REVISIONS
-from drivers.master import storing
-from drivers.master.storing import StoredGroup
+from drivers.master.node import storing
+from drivers.master.node.storing import StoredGroup
 
 YAML = "application/yaml"
 _ETAG = {"ETag": {"description": "Of the axis's settings.", "schema": {"type": "string"}}}

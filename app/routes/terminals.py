@@ -17,9 +17,9 @@ from app.routing import Router
 from app.schemas.operations import OperationReply
 from app.schemas.terminals import InputsReply, OutputBody, OutputReply, OutputsReply, WaitBody
 from app.starting import StarterDep
-from drivers.master import waiting
-from drivers.master.motion import MotionKind
-from drivers.master.node import Node
+from drivers.master.motions.motion import MotionKind
+from drivers.master.node import waiting
+from drivers.master.node.node import Node
 
 router = Router(f"{API}/nodes/{{node}}", tags=["terminals"])
 

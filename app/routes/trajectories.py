@@ -23,12 +23,12 @@ from app.trajectory_reading import Column, read_points
 from app.units import Scale
 from app.uploads import Upload
 from drivers.errors import NotReady, Obstacle, UnknownAxis, UnknownNode
-from drivers.master.axis import Axis
-from drivers.master.config import AxisConfig
-from drivers.master.motion import MotionKind
-from drivers.master.trajectory import Trajectory, TrajectoryRequest, begin_trajectory, check_period
-from drivers.master.trajectory_check import Survey, survey
-from drivers.master.trajectory_file import PointFile
+from drivers.master.axis.axis import Axis
+from drivers.master.motions.motion import MotionKind
+from drivers.master.plan.configuration import AxisConfig
+from drivers.master.together.trajectory import Trajectory, TrajectoryRequest, begin_trajectory, check_period
+from drivers.master.together.trajectory_check import Survey, survey
+from drivers.master.together.trajectory_file import PointFile
 
 CYCLE_MS = 10
 """Where none is given."""

@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from drivers.master.axis import Axis
-from drivers.master.config import AxisConfig, NetworkConfig, NodeConfig
-from drivers.master.emergencies import EmergencyRecord
-from drivers.master.events import Event, EventHub, Subscription
-from drivers.master.jogging import Jog, JogEnd
-from drivers.master.motion import Motion, MotionCancelled, MotionKind, MotionState, Undertaking
+from drivers.master.axis.axis import Axis
+from drivers.master.axis.readiness import AxisCommand
+from drivers.master.ground.timing import Timing
+from drivers.master.motions.jogging import Jog, JogEnd
+from drivers.master.motions.motion import Motion, MotionCancelled, MotionKind, MotionState, Undertaking
 from drivers.master.network import Network
-from drivers.master.node import Node
-from drivers.master.readiness import AxisCommand
-from drivers.master.requests import (
+from drivers.master.node.node import Node
+from drivers.master.plan.configuration import AxisConfig, NetworkConfig, NodeConfig
+from drivers.master.plan.requests import (
     HomeRequest,
     JogRequest,
     MoveRequest,
     SetPositionRequest,
     VelocityRequest,
 )
-from drivers.master.sdo_client import Priority
-from drivers.master.status import (
+from drivers.master.sdo.client import Priority
+from drivers.master.seen.emergencies import EmergencyRecord
+from drivers.master.seen.events import Event, EventHub, Subscription
+from drivers.master.seen.status import (
     Adoption,
     AxisStatus,
     AxisStop,
@@ -34,7 +35,6 @@ from drivers.master.status import (
     StopReport,
     Switches,
 )
-from drivers.master.timing import Timing
 
 __all__ = [
     "Adoption",

@@ -16,20 +16,28 @@ from drivers.cia301.nmt import NmtState
 from drivers.devices.catalog import Catalog
 from drivers.devices.profile import DeviceProfile
 from drivers.errors import BadValue, BusError, CanaxisError, NodeAway, UnknownNode
-from drivers.master.axis import Axis
-from drivers.master.backbone import Backbone
-from drivers.master.commissioning import verify_failsafe
-from drivers.master.config import NetworkConfig
-from drivers.master.counters import NetworkCounters
-from drivers.master.events import EventHub
-from drivers.master.group import GroupMotion
-from drivers.master.node import Node
-from drivers.master.pdo_plan import PdoPlan
-from drivers.master.requests import MoveRequest
-from drivers.master.router import Router
-from drivers.master.status import AxisStop, BusStatus, Failsafe, NodeState, StopLatch, StopOutcome, StopReport
-from drivers.master.timing import Timing
-from drivers.master.watch import HeartbeatProducer
+from drivers.master.axis.axis import Axis
+from drivers.master.ground.counters import NetworkCounters
+from drivers.master.ground.router import Router
+from drivers.master.ground.timing import Timing
+from drivers.master.node.backbone import Backbone
+from drivers.master.node.commissioning import verify_failsafe
+from drivers.master.node.node import Node
+from drivers.master.plan.configuration import NetworkConfig
+from drivers.master.plan.pdo_plan import PdoPlan
+from drivers.master.plan.requests import MoveRequest
+from drivers.master.seen.events import EventHub
+from drivers.master.seen.status import (
+    AxisStop,
+    BusStatus,
+    Failsafe,
+    NodeState,
+    StopLatch,
+    StopOutcome,
+    StopReport,
+)
+from drivers.master.seen.watch import HeartbeatProducer
+from drivers.master.together.coordinated_move import GroupMotion
 
 
 class Network:

@@ -12,7 +12,7 @@ import pytest
 from api_bench import Bench, EventClient, ServerEvent
 
 from app import streams
-from drivers.master import events
+from drivers.master.seen import events
 
 pytestmark = pytest.mark.looptime
 

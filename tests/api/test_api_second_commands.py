@@ -9,7 +9,7 @@ import httpx
 import pytest
 from api_bench import Bench
 
-from drivers.master.waiting_line import LONGEST
+from drivers.master.axis.waiting_line import LONGEST
 
 pytestmark = pytest.mark.looptime
 AXIS = "/nodes/1/axes/0"

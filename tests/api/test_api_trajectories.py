@@ -16,7 +16,7 @@ from api_bench import Bench
 
 from app.routes import trajectories
 from app.settings import Settings
-from drivers.master.trajectory_file import PointFile
+from drivers.master.together.trajectory_file import PointFile
 
 JSON = {"Content-Type": "application/json"}
 CSV = {"Content-Type": "text/csv"}

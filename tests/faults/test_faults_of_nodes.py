@@ -26,7 +26,7 @@ from drivers.bus.faults import cob_id
 from drivers.bus.frame import Frame
 from drivers.cia301.objects import Address
 from drivers.cia402.power import PowerState
-from drivers.master.status import NodeState
+from drivers.master.seen.status import NodeState
 
 pytestmark = pytest.mark.looptime
 

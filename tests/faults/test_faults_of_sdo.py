@@ -12,7 +12,7 @@ from app.settings import Settings
 from drivers.bus.faults import cob_id
 from drivers.bus.frame import Frame
 from drivers.cia301.objects import Address
-from drivers.master.sdo_queue import SIZE, Priority
+from drivers.master.sdo.queue import SIZE, Priority
 
 pytestmark = pytest.mark.looptime
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from app.problems import PROBLEM_TYPES
-from drivers.master.status import NodeState
+from drivers.master.seen.status import NodeState
 
 TESTS = Path(__file__).parents[1]
 PAGE = (TESTS.parent / "docs" / "faults.md").read_text(encoding="utf-8")

@@ -24,8 +24,8 @@ from app.settings import Settings, SettingsError, load_settings
 from app.streams import encode
 from app.units import Scale
 from drivers.bus.memory import MemoryWire
-from drivers.master.config import AxisConfig
-from drivers.master.gearing import exact
+from drivers.master.plan.configuration import AxisConfig
+from drivers.master.plan.gearing import exact
 
 NAMES = (
     "bus",

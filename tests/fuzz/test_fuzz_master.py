@@ -16,7 +16,7 @@ from drivers.cia301 import cob
 from drivers.cia402.power import Command, Controlword, PowerState, command_of
 from drivers.errors import CanaxisError
 from drivers.master import NodeState
-from drivers.master.counters import NetworkCounters
+from drivers.master.ground.counters import NetworkCounters
 
 DONORS = (126, 125)
 """Whose PDO identifiers the further axes of node 1 borrow."""

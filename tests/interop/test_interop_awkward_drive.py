@@ -15,11 +15,11 @@ from drivers.bus.memory import MemoryWire
 from drivers.cia402.power import PowerState
 from drivers.devices.catalog import Catalog
 from drivers.errors import NotReady
-from drivers.master.config import NetworkConfig, NodeConfig
-from drivers.master.motion import MotionState
+from drivers.master.motions.motion import MotionState
 from drivers.master.network import Network
-from drivers.master.requests import MoveRequest
-from drivers.master.status import Failsafe, NodeState
+from drivers.master.plan.configuration import NetworkConfig, NodeConfig
+from drivers.master.plan.requests import MoveRequest
+from drivers.master.seen.status import Failsafe, NodeState
 
 pytestmark = pytest.mark.looptime
 

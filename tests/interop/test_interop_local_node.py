@@ -17,12 +17,12 @@ from drivers.cia301.objects import Address
 from drivers.cia402.power import PowerState
 from drivers.devices.catalog import Catalog
 from drivers.errors import AxisFault
-from drivers.master.axis import Axis
-from drivers.master.config import NetworkConfig, NodeConfig
-from drivers.master.motion import MotionState
+from drivers.master.axis.axis import Axis
+from drivers.master.motions.motion import MotionState
 from drivers.master.network import Network
-from drivers.master.requests import HomeRequest, MoveRequest, SetPositionRequest
-from drivers.master.status import NodeState
+from drivers.master.plan.configuration import NetworkConfig, NodeConfig
+from drivers.master.plan.requests import HomeRequest, MoveRequest, SetPositionRequest
+from drivers.master.seen.status import NodeState
 from drivers.sim.socketcand import SocketcandServer
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(60)]

@@ -12,8 +12,8 @@ import can
 
 from drivers.cia402.power import Controlword
 from drivers.devices.catalog import Catalog
-from drivers.master.pdo_plan import PdoPlan
-from drivers.master.timing import Timing
+from drivers.master.ground.timing import Timing
+from drivers.master.plan.pdo_plan import PdoPlan
 
 POLL = 0.2
 MASTER = 127

@@ -15,9 +15,9 @@ from drivers.bus.frame import Frame
 from drivers.cia301.objects import Address
 from drivers.cia301.sdo import SdoServer
 from drivers.errors import SdoError
-from drivers.master.sdo_client import SdoClient
-from drivers.master.sdo_queue import Priority, SdoQueue
-from drivers.master.timing import Timing
+from drivers.master.ground.timing import Timing
+from drivers.master.sdo.client import SdoClient
+from drivers.master.sdo.queue import Priority, SdoQueue
 
 ROOM = 5
 SHORT = (Address(0x2000), Address(0x2001))

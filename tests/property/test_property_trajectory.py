@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.cyclic.playback import Cause, Playback
-from drivers.master.trajectory_path import Point, between, cycles, samples
+from drivers.master.together.trajectory_path import Point, between, cycles, samples
 
 places = st.floats(-1e5, 1e5)
 speeds = st.floats(-1e5, 1e5)

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.units import Meant, Scale
-from drivers.master.axis import Axis
-from drivers.master.config import INT32_MAX, INT32_MIN, AxisConfig
-from drivers.master.gearing import Gearing, exact
+from drivers.master.axis.axis import Axis
+from drivers.master.plan.configuration import INT32_MAX, INT32_MIN, AxisConfig
+from drivers.master.plan.gearing import Gearing, exact
 
 STEPS = st.integers(INT32_MIN, INT32_MAX)
 RATIOS = st.fractions(Fraction(1, 10**6), 10**6, max_denominator=10**6)

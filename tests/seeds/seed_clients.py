@@ -15,8 +15,8 @@ from drivers.cia301.objects import Address
 from drivers.cia402 import objects
 from drivers.errors import CanaxisError
 from drivers.master import Axis, HomeRequest, Motion, MoveRequest, StopOutcome, VelocityRequest
-from drivers.master.motion import Undertaking
-from drivers.master.requests import OnBusy, SetPositionRequest
+from drivers.master.motions.motion import Undertaking
+from drivers.master.plan.requests import OnBusy, SetPositionRequest
 
 MODEL = "TMCM-3216"
 

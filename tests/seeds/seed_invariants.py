@@ -16,9 +16,9 @@ from drivers.cia301.objects import Address
 from drivers.cia402 import objects
 from drivers.cia402.power import PowerState
 from drivers.master import Axis, AxisStatus, Motion, MotionKind, MotionState, NodeState
-from drivers.master.motion import Result, Undertaking
-from drivers.master.prediction import predict_home
-from drivers.master.requests import HomeRequest, MoveRequest, SetPositionRequest, VelocityRequest
+from drivers.master.motions.motion import Result, Undertaking
+from drivers.master.plan.prediction import predict_home
+from drivers.master.plan.requests import HomeRequest, MoveRequest, SetPositionRequest, VelocityRequest
 from drivers.sim.motion.axis import SimulatedAxis
 
 if TYPE_CHECKING:

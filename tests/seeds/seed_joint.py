@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from drivers.master import Axis, MoveRequest, Network
-from drivers.master.group import GroupMotion
-from drivers.master.motion import Undertaking
-from drivers.master.trajectory import TrajectoryRequest, begin_trajectory
-from drivers.master.trajectory_check import survey
-from drivers.master.trajectory_file import PointFile
+from drivers.master.motions.motion import Undertaking
+from drivers.master.together.coordinated_move import GroupMotion
+from drivers.master.together.trajectory import TrajectoryRequest, begin_trajectory
+from drivers.master.together.trajectory_check import survey
+from drivers.master.together.trajectory_file import PointFile
 
 _POINT = 0.05
 """Seconds between two points of a path."""

@@ -11,26 +11,28 @@ from seed_run import run
 from drivers.cia301.sdo import Done, SdoTransfer, SdoUpload
 from drivers.cia402.modes import Mode
 from drivers.cia402.power import Controlword
-from drivers.master import Axis, Network, positioning, stopping
-from drivers.master.drive import Drive
-from drivers.master.group import GroupMotion
-from drivers.master.group_member import Member
-from drivers.master.motion import Undertaking
-from drivers.master.router import Router
-from drivers.master.sdo_client import SdoClient
+from drivers.master import Axis, Network
+from drivers.master.drive import stopping
+from drivers.master.drive.drive import Drive
+from drivers.master.ground.router import Router
+from drivers.master.motions import profile_position
+from drivers.master.motions.motion import Undertaking
+from drivers.master.sdo.client import SdoClient
+from drivers.master.together.coordinated_move import GroupMotion
+from drivers.master.together.member import Member
 
 FEW = 60
 """Seeds in which each mistake must have been found."""
 
 
 def a_relative_move_is_sent_twice(patch: pytest.MonkeyPatch) -> None:
-    move = positioning.move
+    move = profile_position.move
 
     async def again(tools: Any, request: Any, motion: Any) -> Any:
         result = await move(tools, request, motion)
         return await move(tools, request, motion) if request.relative else result
 
-    patch.setattr(positioning, "move", again)
+    patch.setattr(profile_position, "move", again)
 
 
 def any_answer_is_taken_for_the_awaited_one(patch: pytest.MonkeyPatch) -> None:

@@ -10,7 +10,7 @@ from stack_kit import until
 from drivers.bus.frame import Frame
 from drivers.cia402.power import PowerState
 from drivers.master import MotionState, MoveRequest, NodeState, VelocityRequest
-from drivers.master.emergencies import CAPACITY
+from drivers.master.seen.emergencies import CAPACITY
 
 pytestmark = pytest.mark.looptime
 

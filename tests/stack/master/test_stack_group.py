@@ -12,7 +12,7 @@ from drivers.bus.frame import Frame
 from drivers.cia402.power import PowerState
 from drivers.errors import AxisBusy, BadValue, NotReady
 from drivers.master import AxisConfig, MotionState, MoveRequest, VelocityRequest
-from drivers.master.group import GroupMotion
+from drivers.master.together.coordinated_move import GroupMotion
 
 pytestmark = pytest.mark.looptime
 

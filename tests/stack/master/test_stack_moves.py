@@ -15,8 +15,8 @@ from drivers.cia402.power import PowerState
 from drivers.devices.catalog import Catalog
 from drivers.errors import AxisBusy, BadValue, NotReady, StopLatched, UnknownAxis, UnknownNode
 from drivers.master import AxisCommand, AxisConfig, HomeRequest, MotionState, MoveRequest, VelocityRequest
-from drivers.master.config import NetworkConfig, NodeConfig
 from drivers.master.network import Network
+from drivers.master.plan.configuration import NetworkConfig, NodeConfig
 from drivers.sim.runner import simulated_node
 
 pytestmark = pytest.mark.looptime

@@ -19,8 +19,8 @@ from drivers.master import (
     MoveRequest,
     VelocityRequest,
 )
-from drivers.master.requests import OnBusy
-from drivers.master.waiting_line import LONGEST
+from drivers.master.axis.waiting_line import LONGEST
+from drivers.master.plan.requests import OnBusy
 
 pytestmark = pytest.mark.looptime
 REPLACE, QUEUE = OnBusy.REPLACE, OnBusy.QUEUE

@@ -12,11 +12,12 @@ from stack_kit import Stack, stack_of, until
 
 from drivers.cia301.objects import Address
 from drivers.errors import AxisBusy, BadValue, ConfigurationRefused, NotReady, RulesBroken
-from drivers.master import AxisConfig, HomeRequest, MotionState, MoveRequest, storing
-from drivers.master.gearing import Gearing
-from drivers.master.prediction import predict_move
-from drivers.master.reconfigure import reconfigure
-from drivers.master.storing import StoredGroup
+from drivers.master import AxisConfig, HomeRequest, MotionState, MoveRequest
+from drivers.master.node import storing
+from drivers.master.node.reconfigure import reconfigure
+from drivers.master.node.storing import StoredGroup
+from drivers.master.plan.gearing import Gearing
+from drivers.master.plan.prediction import predict_move
 
 
 async def test_the_resolution_of_a_geared_axis_is_written_at_boot_up_and_no_other() -> None:

@@ -24,7 +24,7 @@ from drivers.master import (
     NodeState,
     VelocityRequest,
 )
-from drivers.master.requests import OnBusy
+from drivers.master.plan.requests import OnBusy
 
 pytestmark = pytest.mark.looptime
 

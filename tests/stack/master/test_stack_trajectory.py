@@ -15,11 +15,11 @@ from drivers.cia402.modes import Mode
 from drivers.cia402.power import PowerState
 from drivers.errors import AxisBusy, MotionFailed, NodeAway, NotReady
 from drivers.master import MoveRequest
-from drivers.master.axis import Axis
-from drivers.master.motion import MotionState
-from drivers.master.trajectory import Trajectory, TrajectoryRequest, begin_trajectory
-from drivers.master.trajectory_check import survey
-from drivers.master.trajectory_file import PointFile
+from drivers.master.axis.axis import Axis
+from drivers.master.motions.motion import MotionState
+from drivers.master.together.trajectory import Trajectory, TrajectoryRequest, begin_trajectory
+from drivers.master.together.trajectory_check import survey
+from drivers.master.together.trajectory_file import PointFile
 
 PERIOD = 0.01
 SECONDS = 2.0

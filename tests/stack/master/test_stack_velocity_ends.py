@@ -11,8 +11,8 @@ from stack_kit import AXES, Stack, stack_of, until
 from drivers.cia402 import objects
 from drivers.errors import AxisBusy, BadValue, CanaxisError, MotionFailed, MotionTimeout
 from drivers.master import Axis, AxisConfig, HomeRequest, Motion, MotionState, MoveRequest, VelocityRequest
-from drivers.master.prediction import predict_home
-from drivers.master.requests import OnBusy
+from drivers.master.plan.prediction import predict_home
+from drivers.master.plan.requests import OnBusy
 
 pytestmark = pytest.mark.looptime
 

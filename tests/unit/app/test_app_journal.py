@@ -11,8 +11,8 @@ from structlog.testing import capture_logs
 from app.journal import KINDS, keep_journal
 from drivers.cia301.emcy import Emergency
 from drivers.devices.catalog import Catalog
-from drivers.master.emergencies import EmergencyLog
-from drivers.master.events import EventHub
+from drivers.master.seen.emergencies import EmergencyLog
+from drivers.master.seen.events import EventHub
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from app.problems import ApiError
 from app.units import Scale
-from drivers.master.config import AxisConfig
+from drivers.master.plan.configuration import AxisConfig
 
 MM = AxisConfig(name="x", unit="mm", steps_per_unit=51200 / 4)
 PLAIN = AxisConfig(name="y")

@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 from drivers.bus.frame import Frame
 from drivers.errors import BusDown
-from drivers.master.sdo_client import SdoClient
-from drivers.master.timing import Timing
+from drivers.master.ground.timing import Timing
+from drivers.master.sdo.client import SdoClient
 
 NODE = 5
 

@@ -10,7 +10,7 @@ import pytest
 from drivers.devices.layout import AxisLayout
 from drivers.errors import BadValue
 from drivers.master import AxisConfig, HomeRequest, MoveRequest, NetworkConfig, NodeConfig, VelocityRequest
-from drivers.master.guard import Guard, guard_of
+from drivers.master.node.guarded_objects import Guard, guard_of
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from drivers.devices.ramp import Ramp, plan_move
 from drivers.devices.trajectory import Trajectory
 from drivers.errors import BadValue
-from drivers.master.coordination import END_VELOCITY, Profile, Way, coordinate
+from drivers.master.together.coordination import END_VELOCITY, Profile, Way, coordinate
 
 RATES = st.integers(1000, 16_777_215)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from drivers.cia301.emcy import Emergency
 from drivers.devices.catalog import Catalog
-from drivers.master.emergencies import CAPACITY, EmergencyLog
+from drivers.master.seen.emergencies import CAPACITY, EmergencyLog
 
 
 def log() -> EmergencyLog:

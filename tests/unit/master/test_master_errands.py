@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 
-from drivers.master.errands import Errand, ErrandName, Errands
+from drivers.master.axis.errands import Errand, ErrandName, Errands
 
 
 async def test_an_errand_whose_task_has_ended_is_in_nobodys_way() -> None:

@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from drivers.master.events import HISTORY, EventHub
+from drivers.master.seen.events import HISTORY, EventHub
 
 pytestmark = pytest.mark.looptime
 

@@ -7,8 +7,8 @@ from fractions import Fraction
 import pytest
 
 from drivers.errors import BadValue
-from drivers.master.config import AxisConfig
-from drivers.master.gearing import Gearing, exact
+from drivers.master.plan.configuration import AxisConfig
+from drivers.master.plan.gearing import Gearing, exact
 
 SPINDLE = Gearing(gear=Fraction(3), pitch_um=Fraction(5000))
 TABLE = Gearing(full_steps=400, microsteps=16, gear=Fraction(90), direction=-1)

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from drivers.cia301 import cob
 from drivers.devices.catalog import Catalog
 from drivers.errors import BadValue
-from drivers.master.pdo_plan import PdoPlan
-from drivers.master.timing import Timing
+from drivers.master.ground.timing import Timing
+from drivers.master.plan.pdo_plan import PdoPlan
 
 PROFILE = Catalog.load().profile("TMCM-3216")
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.master.config import AxisConfig
-from drivers.master.prediction import predict_move, predict_stop, predict_velocity
+from drivers.master.plan.configuration import AxisConfig
+from drivers.master.plan.prediction import predict_move, predict_stop, predict_velocity
 
 RATES = st.integers(10, 10_000_000)
 PLAIN = AxisConfig(name="x", velocity=1000, acceleration=100, deceleration=100, end_velocity=10)

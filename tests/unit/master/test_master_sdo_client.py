@@ -9,8 +9,8 @@ from scripted_peer import ScriptedPeer
 
 from drivers.cia301.objects import Address
 from drivers.errors import BusDown, NodeAway, SdoAborted, SdoProtocolError, SdoTimeout
-from drivers.master.sdo_client import Priority
-from drivers.master.timing import Timing
+from drivers.master.ground.timing import Timing
+from drivers.master.sdo.client import Priority
 
 pytestmark = pytest.mark.looptime
 

@@ -10,8 +10,8 @@ from scripted_peer import ScriptedPeer
 
 from drivers.cia301.objects import Address
 from drivers.errors import Outcome, SdoAborted, SdoQueueFull, SdoQueueTimeout, SdoTimeout
-from drivers.master.sdo_queue import SIZE, Priority
-from drivers.master.timing import Timing
+from drivers.master.ground.timing import Timing
+from drivers.master.sdo.queue import SIZE, Priority
 
 pytestmark = pytest.mark.looptime
 

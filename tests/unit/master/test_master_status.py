@@ -7,7 +7,7 @@ import itertools
 from drivers.cia402.modes import Mode
 from drivers.cia402.objects import DigitalInput
 from drivers.cia402.power import PowerState
-from drivers.master.status import AxisStatus, Reference, Switches
+from drivers.master.seen.status import AxisStatus, Reference, Switches
 
 BEFORE = AxisStatus(position=7, velocity=8, reference=Reference.HOMED, updated=1.0, stale=False)
 

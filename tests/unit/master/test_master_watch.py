@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from drivers.master.watch import HeartbeatProducer, Watchdog
+from drivers.master.seen.watch import HeartbeatProducer, Watchdog
 
 
 @pytest.mark.looptime

@@ -1,0 +1,1 @@
+"""What an axis does now: what it may do, what it is busy with, what waits."""

@@ -1,0 +1,154 @@
+"""What becomes of a moving command for an axis: at once, in another's place, or behind it. Nothing is sent.
+
+It can be asked of several axes before any of them is touched.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from drivers.errors import LineFull, Obstacle, Remedy
+from drivers.master.axis.errands import MOTIONS, ErrandName
+from drivers.master.axis.readiness import AxisCommand, obstacles, refusal
+from drivers.master.axis.waiting_line import LONGEST
+from drivers.master.motions.motion import Motion, MotionKind
+from drivers.master.plan.requests import (
+    HomeRequest,
+    JogRequest,
+    MoveRequest,
+    OnBusy,
+    Request,
+    SetPositionRequest,
+    VelocityRequest,
+)
+
+if TYPE_CHECKING:
+    from drivers.master.axis.axis import Axis
+
+_REFERENCING = frozenset({MotionKind.HOME, MotionKind.SET_POSITION})
+_HELD = frozenset({"busy", "turning"})
+"""Obstacles that another command can take away."""
+
+
+class Admission(enum.StrEnum):
+    """How a command that may be given is begun."""
+
+    AT_ONCE = "at_once"
+    TAKE_OVER = "take_over"
+    """One velocity goes over into another, without a stop."""
+    REPLACE = "replace"
+    """What runs is cancelled; it begins once the axis stands."""
+    QUEUE = "queue"
+    """It begins once everything before it has succeeded."""
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """What matters about a command for whether it may be given."""
+
+    command: AxisCommand
+    absolute: bool = True
+    """Of a move."""
+    method: int | None = None
+    """Of a homing."""
+    from_rest: bool = True
+    """Whether the axis must stand when it begins."""
+
+    @classmethod
+    def of(cls, request: Request) -> Question:
+        """About a request."""
+        match request:
+            case MoveRequest():
+                return cls(AxisCommand.MOVE, absolute=not request.relative)
+            case VelocityRequest():
+                return cls(AxisCommand.VELOCITY, from_rest=request.travel is not None)
+            case HomeRequest():
+                return cls(AxisCommand.HOME, method=request.method)
+            case SetPositionRequest():
+                return cls(AxisCommand.SET_POSITION)
+            case JogRequest():
+                return cls(AxisCommand.JOG)
+
+    def obstacles(self, axis: Axis) -> tuple[Obstacle, ...]:
+        """Everything that prevents it now, in the order of what to do first."""
+        return obstacles(
+            axis, self.command, absolute=self.absolute, method=self.method, from_rest=self.from_rest
+        )
+
+
+def look(axis: Axis, question: Question, on_busy: OnBusy) -> tuple[Admission | None, tuple[Obstacle, ...]]:
+    """How the command would be begun now, or (None) what prevents it.
+
+    A stop, an enabling and the like are no operations: nothing replaces them or waits behind them.
+    """
+    found = question.obstacles(axis)
+    over = axis.errand is ErrandName.TURNING and not question.from_rest
+    last = axis.last
+    if not found and (on_busy is not OnBusy.QUEUE or last is None):
+        return (Admission.TAKE_OVER if over else Admission.AT_ONCE), ()
+    held = tuple(obstacle for obstacle in found if obstacle.code in _HELD)
+    others = tuple(obstacle for obstacle in found if obstacle not in held)
+    if on_busy is OnBusy.REPLACE and not others and _replaceable(axis):
+        return (Admission.TAKE_OVER if over else Admission.REPLACE), ()
+    if on_busy is not OnBusy.QUEUE or last is None:
+        return None, found
+    if any(motion.kind in _REFERENCING for motion in (axis.motion, *axis.queued) if motion is not None):
+        others = tuple(obstacle for obstacle in others if obstacle.code != "not_referenced")
+    if isinstance(last.request, JogRequest) or (
+        isinstance(last.request, VelocityRequest) and last.request.endless
+    ):
+        others = (*others, _ENDLESS)
+    if others:
+        return None, others
+    if len(axis.queued) >= LONGEST:
+        return None, (_full(axis),)
+    return Admission.QUEUE, ()
+
+
+def admit(axis: Axis, request: Request, on_busy: OnBusy) -> Admission:
+    """How the command is to be begun. Raises, as `Axis.move_to` says, where it may not be given."""
+    question = Question.of(request)
+    admission, found = look(axis, question, on_busy)
+    if admission is not None:
+        return admission
+    if found[0].code == "queue_full":
+        raise LineFull(
+            found[0].message,
+            obstacles=found,
+            frees_in_s=_left(axis),
+            node=axis.node.node_id,
+            axis=axis.number,
+        )
+    raise refusal(axis, question.command, found)
+
+
+def _full(axis: Axis) -> Obstacle:
+    return Obstacle(
+        "queue_full",
+        f"{LONGEST} operations wait for axis {axis.name} already.",
+        "Wait until one of them has begun, or cancel some.",
+    )
+
+
+def _left(axis: Axis) -> float:
+    """Seconds until what runs ends, as far as that can be told; at least 1."""
+    motion = axis.motion
+    if motion is None or motion.prediction is None:
+        return 1.0
+    return max(1.0, motion.prediction.duration_s * (1.0 - (motion.progress or 0.0)))
+
+
+def _replaceable(axis: Axis) -> bool:
+    if axis.configuring or not isinstance(axis.motion, Motion | None):
+        return False  # what several axes do is not one axis's to replace
+    return axis.errand is None or axis.errand in MOTIONS or axis.making_way
+
+
+_ENDLESS = Obstacle(
+    "endless",
+    "What it would wait for turns until something else is commanded, so nothing can come after it.",
+    "Replace it, stop the axis, or give the velocity an end.",
+    Remedy.STOP,
+)

@@ -1,0 +1,1 @@
+"""One drive on the wire: its controlword and parameters, switching on and off, coming to rest."""

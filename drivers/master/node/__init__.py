@@ -1,0 +1,1 @@
+"""One node: how it is found, taken in and watched over; its inputs, outputs and memory."""

@@ -1,0 +1,159 @@
+"""What an axis's settings must keep to: each rule by name, with where it comes from.
+
+Held against every configuration when it is made, so a file and a request meet the same rules. What the
+module's own objects take is in `axis_parameters`, since that differs between models.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Final
+
+from drivers.errors import BrokenRule
+
+if TYPE_CHECKING:
+    from drivers.master.plan.configuration import AxisConfig
+    from drivers.master.plan.gearing import Gearing
+
+INT32_MIN: Final = -(2**31)
+INT32_MAX: Final = 2**31 - 1
+HIGHEST_RATE: Final = 16_777_215
+"""The highest velocity or acceleration that the ramp generator's registers take (ranges in manual §4.2.11
+ff.).
+"""
+LOWEST_STOP_VELOCITY: Final = 10
+"""Of VSTOP; below it a target might not be reached (manual §1.5)."""
+_LARGEST_TERM: Final = 10**15
+"""Of a gear's or a pitch's ratio, so that numbers stay handy."""
+_VELOCITIES = ("velocity", "homing_fast", "homing_slow")
+_ACCELERATIONS = ("acceleration", "deceleration", "homing_acceleration")
+_SEGMENTS = ("ramp_a1", "ramp_v1", "ramp_a2", "ramp_v2")
+
+
+def broken_rules(config: AxisConfig) -> Iterator[BrokenRule]:
+    """Every rule that a configuration breaks."""
+    if not config.name.strip() or config.name.strip().isdecimal():
+        yield BrokenRule("name", "name_is_a_word", "An axis needs a name that is no bare number.")
+    yield from _rates(config)
+    yield from _stop_and_start(config)
+    yield from _eight_points(config)
+    yield from _maxima(config)
+    yield from _positions(config)
+
+
+def broken_gearing(gearing: Gearing) -> Iterator[BrokenRule]:
+    """Every rule that a gearing breaks."""
+    if not 1 <= gearing.full_steps <= 65_535:
+        yield BrokenRule("full_steps", "range_2001h", "full_steps must be 1..65535 (2001h, manual §4.2.2).")
+    if gearing.microsteps not in {1 << exponent for exponent in range(9)}:
+        yield BrokenRule(
+            "microsteps",
+            "range_2000h",
+            "microsteps must be a power of 2 from 1 to 256 (2000h, manual §4.2.1).",
+        )
+    if gearing.direction not in (1, -1):
+        yield BrokenRule("direction", "one_or_minus_one", "direction must be 1 or -1.")
+    for name, ratio in (("gear", gearing.gear), ("pitch", gearing.pitch_um)):
+        if ratio is not None and not (ratio > 0 and max(ratio.numerator, ratio.denominator) <= _LARGEST_TERM):
+            yield BrokenRule(name, "ratio_above_0", f"{name} must be above 0, with at most 15 digits.")
+
+
+def _rates(config: AxisConfig) -> Iterator[BrokenRule]:
+    for name in (
+        *_VELOCITIES,
+        *_ACCELERATIONS,
+        "quick_stop_deceleration",
+        "max_velocity",
+        "max_acceleration",
+    ):
+        if not 1 <= getattr(config, name) <= HIGHEST_RATE:
+            yield _rate(name, 1, getattr(config, name))
+    for name in ("start_velocity", *_SEGMENTS):
+        if not 0 <= getattr(config, name) <= HIGHEST_RATE:
+            yield _rate(name, 0, getattr(config, name))
+
+
+def _rate(name: str, lowest: int, value: int) -> BrokenRule:
+    return BrokenRule(
+        name, "range_of_rates", f"{name} must be {lowest}..{HIGHEST_RATE} steps/s or steps/s2, not {value}."
+    )
+
+
+def _stop_and_start(config: AxisConfig) -> Iterator[BrokenRule]:
+    if not LOWEST_STOP_VELOCITY <= config.end_velocity <= HIGHEST_RATE:
+        yield BrokenRule(
+            "end_velocity",
+            "vstop_at_least_10",
+            f"end_velocity (VSTOP, 6082h) must be {LOWEST_STOP_VELOCITY}..{HIGHEST_RATE} steps/s, "
+            f"not {config.end_velocity} (manual §1.5).",
+        )
+    if config.end_velocity < config.start_velocity:
+        yield BrokenRule(
+            "end_velocity",
+            "vstop_at_least_vstart",
+            f"end_velocity (VSTOP, 6082h: {config.end_velocity} steps/s) must be at least start_velocity "
+            f"(VSTART, 2010h: {config.start_velocity} steps/s) (manual §1.5).",
+        )
+
+
+def _eight_points(config: AxisConfig) -> Iterator[BrokenRule]:
+    for name, number, value in (("ramp_d1", "2013h", config.d1), ("ramp_d2", "2018h", config.d2)):
+        if not 1 <= value <= HIGHEST_RATE:
+            yield BrokenRule(
+                name,
+                f"{name[-2:]}_not_0",
+                f"{name} ({number}) must be 1..{HIGHEST_RATE} steps/s2, not {value}: it must not be 0 even "
+                "where V1 and V2 are (manual §1.5).",
+            )
+    if config.ramp_v1 > config.ramp_v2:
+        yield BrokenRule(
+            "ramp_v1",
+            "v1_at_most_v2",
+            "ramp_v1 (2012h) must be at most ramp_v2 (2017h); both 0 switch the EightPoint ramp off "
+            "(manual §1.5).",
+        )
+    if config.ramp_v1 and not config.ramp_a1:
+        yield BrokenRule(
+            "ramp_a1",
+            "a1_not_0",
+            "ramp_a1 (2011h) must not be 0 where ramp_v1 is above 0: no move would run.",
+        )
+    if config.ramp_v2 > config.ramp_v1 and not config.ramp_a2:
+        yield BrokenRule(
+            "ramp_a2",
+            "a2_not_0",
+            "ramp_a2 (2016h) must not be 0 where ramp_v2 is above ramp_v1: no move would run.",
+        )
+
+
+def _maxima(config: AxisConfig) -> Iterator[BrokenRule]:
+    rates = (
+        ("max_velocity", (*_VELOCITIES, "start_velocity", "end_velocity")),
+        ("max_acceleration", (*_ACCELERATIONS, "ramp_a1", "ramp_a2", "ramp_d1", "ramp_d2")),
+    )
+    for maximum, names in rates:
+        highest: int = getattr(config, maximum)
+        for name in names:
+            value: int | None = getattr(config, name)
+            if value is not None and value > highest:
+                yield BrokenRule(
+                    name, maximum, f"{name} ({value} steps) must be at most {maximum} ({highest} steps)."
+                )
+
+
+def _positions(config: AxisConfig) -> Iterator[BrokenRule]:
+    if not INT32_MIN <= config.home_offset <= INT32_MAX:
+        yield BrokenRule("home_offset", "range_607Ch", "home_offset must fit 32 bits (607Ch).")
+    if config.position_tolerance < 0:
+        yield BrokenRule("position_tolerance", "not_negative", "position_tolerance must not be negative.")
+    if config.soft_limits is not None:
+        low, high = config.soft_limits
+        if not INT32_MIN <= low < high <= INT32_MAX:
+            yield BrokenRule(
+                "soft_limits",
+                "lower_below_upper",
+                "soft_limits must be the lowest and the highest target, in this order, and fit 32 bits "
+                "(607Dh).",
+            )
+    if not 0 <= config.switch_parameters <= 63:
+        yield BrokenRule("switch_parameters", "range_2005h", "switch_parameters must be 0..63 (2005h).")

@@ -1,0 +1,1 @@
+"""What the bus told us, with its age: statuses, emergencies, events, evidence."""
