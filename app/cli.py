@@ -10,7 +10,7 @@ from importlib import import_module
 
 import typer
 
-from app.settings import SettingsError
+from app.configuration.configuration import SettingsError
 from drivers.errors import CanaxisError
 
 COMMANDS = {

@@ -10,36 +10,34 @@ from fastapi import FastAPI
 from fastapi_offline import FastAPIOffline
 from starlette.middleware import Middleware
 
-from app import documentation
-from app.audit import AuditMiddleware, AuditTrail
-from app.errors import install_error_handlers
-from app.idempotency import IdempotencyMiddleware
-from app.keys import Keys
-from app.metrics import LatencyMiddleware
-from app.routes import (
-    axes,
-    bus,
-    coordinated,
-    events,
-    health,
-    jog,
-    leases,
-    moves,
-    nodes,
-    objects,
-    operations,
-    positions,
-    stop,
-    terminals,
-    tickets,
-    trajectories,
-)
-from app.routes import settings as settings_routes
-from app.routing import attach
-from app.security import DOCS_ASSETS, Policy, SecurityMiddleware
+from app.access import routes as access_routes
+from app.access.audit import AuditMiddleware, AuditTrail
+from app.access.security import DOCS_ASSETS, Policy, SecurityMiddleware
+from app.access.tickets import Tickets
+from app.axes import routes as axes_routes
+from app.bus import routes as bus_routes
+from app.configuration.configuration import BusSettings, Settings, SettingsError
+from app.coordinated import routes as coordinated_routes
+from app.events import routes as events_routes
+from app.health import routes as health_routes
+from app.health.metrics import LatencyMiddleware
+from app.http import documentation
+from app.http.errors import install_error_handlers
+from app.http.routing import attach
+from app.idempotency.keys import Keys
+from app.idempotency.middleware import IdempotencyMiddleware
+from app.io import routes as io_routes
+from app.jog import routes as jog_routes
+from app.leases import routes as leases_routes
+from app.moves import routes as moves_routes
+from app.nodes import routes as nodes_routes
+from app.objects import routes as objects_routes
+from app.operations import routes as operations_routes
+from app.positions import routes as positions_routes
 from app.service import LifespanState, Service
-from app.settings import BusSettings, Settings, SettingsError
-from app.tickets import Tickets
+from app.settings import routes as settings_routes
+from app.stop import routes as stop_routes
+from app.trajectories import routes as trajectories_routes
 from drivers.bus.base import Bus
 from drivers.bus.pythoncan import PythonCanBus, interfaces
 from drivers.devices.catalog import Catalog
@@ -49,29 +47,29 @@ from drivers.master.plan.axis_parameters import check_ranges
 from drivers.master.plan.configuration import NetworkConfig
 
 ROUTERS = (  # in the order in which paths are tried: what is asked most comes first
-    axes.router,
-    axes.reports,
-    axes.commands,
-    moves.router,
-    coordinated.router,
-    nodes.router,
-    nodes.commands,
-    operations.router,
-    terminals.router,
+    axes_routes.router,
+    axes_routes.reports,
+    axes_routes.commands,
+    moves_routes.router,
+    coordinated_routes.router,
+    nodes_routes.router,
+    nodes_routes.commands,
+    operations_routes.router,
+    io_routes.router,
     settings_routes.axis_settings,
     settings_routes.router,
     settings_routes.memory,
-    positions.router,
-    leases.router,
-    stop.router,
-    trajectories.router,
-    objects.router,
-    bus.router,
-    events.router,
-    jog.router,
-    tickets.router,
-    health.router,
-    health.api_root,
+    positions_routes.router,
+    leases_routes.router,
+    stop_routes.router,
+    trajectories_routes.router,
+    objects_routes.router,
+    bus_routes.router,
+    events_routes.router,
+    jog_routes.router,
+    access_routes.router,
+    health_routes.router,
+    health_routes.api_root,
 )
 
 

@@ -13,10 +13,10 @@ from types import FrameType
 import uvicorn
 from fastapi import FastAPI
 
-from app.connections import MAX_MESSAGE, PING, BoundedWebSocket, bounded_http, look_at
+from app.configuration.configuration import Settings, SettingsError
+from app.http.connections import MAX_MESSAGE, PING, BoundedWebSocket, bounded_http, look_at
 from app.main import create_app
 from app.service import Service
-from app.settings import Settings, SettingsError
 
 Announce = Callable[[Service, str], Awaitable[None]]
 """Called once the server listens, with the service and the server's URL."""

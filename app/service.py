@@ -11,22 +11,22 @@ from typing import Any, TypedDict, TypeVar
 
 import structlog
 
-from app import journal
-from app.audit import AuditTrail
+from app.access.audit import AuditTrail
+from app.access.tickets import Tickets
+from app.axes.units import Meant
+from app.configuration.configuration import Settings
+from app.events import journal
+from app.events.streams import Streams
+from app.health.metrics import Metrics
+from app.http.problems import ApiError
+from app.idempotency.keys import Keys
 from app.jog.jogs import Jogs
-from app.keys import Keys
-from app.leasing import Leases
-from app.metrics import Metrics
-from app.operations import OperationRegister
-from app.positions import Positions
-from app.problems import ApiError
-from app.restart import note_what_is_found
-from app.settings import Settings
-from app.settings_book import SettingsBook
+from app.leases.leases import Leases
+from app.operations.register import OperationRegister
+from app.operations.restart import note_what_is_found
+from app.positions.positions import Positions
+from app.settings.book import SettingsBook
 from app.store.database import Database
-from app.streams import Streams
-from app.tickets import Tickets
-from app.units import Meant
 from drivers.errors import BusDown
 from drivers.master.network import Network
 

@@ -17,9 +17,9 @@ from fastapi import FastAPI
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from app import server
-from app.logs import configure_logs
+from app.commands.logs import configure_logs
+from app.configuration.configuration import Settings
 from app.service import Service
-from app.settings import Settings
 from bench.punctual import keep_time
 from bench.wire import CHANNEL, as_socketcan
 

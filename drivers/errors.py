@@ -1,4 +1,4 @@
-"""One tree of errors for all that the drivers raise. No HTTP in it: `app/problems.py` gives each its status.
+"""One tree of errors for all that the drivers raise. No HTTP in it: `app.http.problems` gives each a status.
 
 Every error says in one sentence what happened, carries where (node, axis, object) and, in `hint`, what to do.
 """

@@ -13,9 +13,9 @@ import httpx
 from fastapi import FastAPI
 from starlette.types import Message, Receive, Scope, Send
 
+from app.configuration.configuration import Settings
 from app.main import create_app
 from app.service import Service
-from app.settings import Settings
 from drivers.bus.memory import MemoryBus, MemoryWire
 from drivers.devices.catalog import Catalog
 from drivers.master.seen.status import NodeState

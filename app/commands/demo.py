@@ -15,11 +15,11 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
+from app.commands.logs import configure_logs
 from app.commands.simulate import LISTENS, PANEL
-from app.logs import configure_logs
+from app.configuration.configuration import SettingsError, load_settings
 from app.server import run_server
 from app.service import Service
-from app.settings import SettingsError, load_settings
 from drivers.master.seen.status import NodeState
 
 STARTING = 20.0

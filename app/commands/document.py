@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from app.documentation import render
+from app.configuration.configuration import Settings
+from app.http.documentation import render
 from app.main import create_app
-from app.settings import Settings
 
 
 def openapi(

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from app.commands.serve import parse_option
-from app.settings import BusSettings
+from app.configuration.configuration import BusSettings
 from drivers.bus.pythoncan import PythonCanBus
 from drivers.devices.catalog import Catalog
 from drivers.master.scan import scan as scan_bus

@@ -9,10 +9,10 @@ from typing import Annotated, Any
 
 import typer
 
-from app.logs import configure_logs
+from app.commands.logs import configure_logs
+from app.configuration.configuration import SettingsError, default_store, load_settings
 from app.server import run_server
 from app.service import Service
-from app.settings import SettingsError, default_store, load_settings
 
 _NODE = re.compile(r"(\d{1,3})(?::([A-Za-z][A-Za-z0-9_.-]*))?(?::([A-Za-z0-9_.-]+))?")
 

@@ -10,7 +10,7 @@ import httpx
 import typer
 import yaml
 
-from app.settings import SettingsError
+from app.configuration.configuration import SettingsError
 
 settings = typer.Typer(help="Export, compare, apply and roll back the settings of a running service.")
 

@@ -15,8 +15,8 @@ from typing import Annotated
 
 import typer
 
+from app.configuration.configuration import SettingsError
 from app.panel.server import panel_server
-from app.settings import SettingsError
 from drivers.bus.pythoncan import PythonCanBus
 from drivers.devices.catalog import Catalog
 from drivers.devices.profile import DeviceProfile

@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from app.roles import ROLES
-from app.settings import SettingsError, load_settings
-from app.tokens import add_token
+from app.access.roles import ROLES
+from app.access.tokens import add_token
+from app.configuration.configuration import SettingsError, load_settings
 
 
 def token(

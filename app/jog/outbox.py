@@ -7,7 +7,7 @@ import contextlib
 from collections import deque
 from collections.abc import Callable
 
-from app.schemas.jog import AckMessage, ServerMessage
+from app.jog.schemas import AckMessage, ServerMessage
 
 CAPACITY = 32
 """How many messages that must not be lost may wait."""

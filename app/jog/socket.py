@@ -15,19 +15,20 @@ import structlog
 from pydantic import ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
-from app import problems, validation, views
+from app.axes import views
+from app.axes.schemas import Limits
+from app.axes.units import Scale
+from app.http import problems, validation
+from app.http.problems import ApiError, ProblemReply
+from app.http.rates import RateLimit
+from app.http.schemas import Problem, Quantity
+from app.jog import schemas as messages
 from app.jog.outbox import Outbox, Overflow
 from app.jog.session import Hold, JogSession
-from app.leases import LEASE, Lease
-from app.leasing import LeaseEnd
-from app.operations import operation_path
-from app.problems import ApiError, ProblemReply
-from app.rates import RateLimit
-from app.schemas import jog as messages
-from app.schemas.axes import Limits
-from app.schemas.common import Problem, Quantity
-from app.schemas.operations import Asker
-from app.units import Scale
+from app.leases.book import LEASE, Lease
+from app.leases.leases import LeaseEnd
+from app.operations.register import operation_path
+from app.operations.schemas import Asker
 from drivers.errors import AxisFault, CanaxisError
 from drivers.master.axis.axis import Axis
 from drivers.master.motions.jogging import Jog, JogEnd

@@ -12,16 +12,16 @@ from fastapi_offline import FastAPIOffline
 from starlette.middleware import Middleware
 from starlette.responses import Response
 
-from app import problems
-from app.documentation import operation_id
-from app.errors import install_error_handlers
+from app.access.security import DOCS_ASSETS, Policy, SecurityMiddleware
+from app.access.tickets import Tickets
+from app.configuration.configuration import ServerSettings
+from app.health.routes import get_problem_type
+from app.http import problems
+from app.http.documentation import operation_id
+from app.http.errors import install_error_handlers
+from app.http.problems import MEDIA_TYPE, ApiError
+from app.http.replies import problem_response
 from app.panel.schemas import ModuleList, ModuleReply
-from app.problems import MEDIA_TYPE, ApiError
-from app.replies import problem_response
-from app.routes.health import get_problem_type
-from app.security import DOCS_ASSETS, Policy, SecurityMiddleware
-from app.settings import ServerSettings
-from app.tickets import Tickets
 from drivers.errors import CanaxisError
 from drivers.sim.commands import Command
 from drivers.sim.panel import COMMANDS, ModulePanel

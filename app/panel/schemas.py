@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import RootModel
 
-from app.schemas.common import Reply
+from app.http.schemas import Reply
 from drivers.sim.snapshot import ModuleSnapshot
 
 

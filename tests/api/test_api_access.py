@@ -12,9 +12,9 @@ import httpx
 import pytest
 from api_bench import Bench, EventClient, running
 
-from app.roles import COMMANDS, WEBSOCKET, Role
-from app.settings import Settings
-from app.tokens import add_token
+from app.access.roles import COMMANDS, WEBSOCKET, Role
+from app.access.tokens import add_token
+from app.configuration.configuration import Settings
 from drivers.bus.frame import Frame
 
 pytestmark = pytest.mark.looptime

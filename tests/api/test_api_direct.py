@@ -6,9 +6,9 @@ import pytest
 from api_bench import Bench
 from fastapi import APIRouter, Depends
 
-from app.deps import AxisDep
-from app.direct import AxisRoute
-from app.schemas.axes import AxisStatusReply
+from app.axes.direct import AxisRoute
+from app.axes.schemas import AxisStatusReply
+from app.http.deps import AxisDep
 
 CAREFUL = {"Idempotency-Key": "k"}
 """On a request that heeds no key: it changes nothing but the way."""

@@ -9,7 +9,7 @@ import pytest
 from api_bench import Bench, EventClient, running
 from starlette.types import Message
 
-from app.settings import Settings
+from app.configuration.configuration import Settings
 
 pytestmark = pytest.mark.looptime
 
@@ -88,7 +88,7 @@ async def test_a_last_event_id_that_is_none_is_ignored(bench: Bench, last_event_
 async def test_every_client_gets_the_same_bytes_encoded_once(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from app import streams
+    from app.events import streams
 
     encoded: list[str] = []
     real = streams.encode
@@ -187,7 +187,7 @@ async def test_a_client_that_takes_nothing_is_let_go(bench: Bench) -> None:
 
 
 async def test_two_hundred_clients_get_a_stop_from_one_encoding(monkeypatch: pytest.MonkeyPatch) -> None:
-    from app import streams
+    from app.events import streams
 
     encoded = 0
     real = streams.encode

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from api_bench import Bench, EventClient, ServerEvent
 
-from app import streams
+from app.events import streams
 from drivers.master.seen import events
 
 pytestmark = pytest.mark.looptime

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 from api_bench import Bench, running
 
-from app.settings import Settings, StoreSettings
+from app.configuration.configuration import Settings, StoreSettings
 from app.store.database import Statement
 
 
@@ -202,7 +202,7 @@ async def test_fencing_tokens_rise_over_restarts_even_if_the_clock_goes_back(
     fencing: list[int] = []
     token = "of nobody"
     for wall in (2e9, 1.9e9):
-        monkeypatch.setattr("app.leasing.time", SimpleNamespace(time=lambda wall=wall: wall))
+        monkeypatch.setattr("app.leases.leases.time", SimpleNamespace(time=lambda wall=wall: wall))
         async with running(settings(path)) as bench:
             await bench.until_ready()
             old = await bench.post("/nodes/1/axes/0/enable", headers={"Lease": token})

@@ -14,12 +14,12 @@ import pytest
 from api_bench import App, Bench, running
 from starlette.types import Message
 
+from app.access.roles import Role
+from app.access.tokens import add_token
+from app.configuration.configuration import Settings
 from app.jog.outbox import CAPACITY, Outbox, Overflow
+from app.jog.schemas import PongMessage
 from app.jog.socket import HUNG, PER_SECOND, STATUS
-from app.roles import Role
-from app.schemas.jog import PongMessage
-from app.settings import Settings
-from app.tokens import add_token
 from drivers.sim.snapshot import AxisSnapshot, take
 
 pytestmark = pytest.mark.looptime

@@ -9,15 +9,14 @@ from typing import Any, get_args
 
 import pytest
 
-from app.jog import socket
-from app.schemas import jog
+from app.jog import schemas, socket
 
 PAGE = (Path(__file__).parents[2] / "openapi" / "jog.md").read_text(encoding="utf-8")
 EXAMPLES: dict[str, Any] = {
     json.loads(block)["kind"]: json.loads(block) for block in re.findall(r"```json\n(.*?)\n```", PAGE, re.S)
 }
-CLIENT = {member.model_fields["kind"].annotation: member for member in get_args(jog.ClientMessage)}
-SERVER = {member.model_fields["kind"].default: member for member in jog.ServerMessage.__subclasses__()}
+CLIENT = {member.model_fields["kind"].annotation: member for member in get_args(schemas.ClientMessage)}
+SERVER = {member.model_fields["kind"].default: member for member in schemas.ServerMessage.__subclasses__()}
 
 
 def test_every_kind_has_its_example() -> None:
@@ -32,18 +31,20 @@ def test_every_example_is_a_message(kind: str) -> None:
         SERVER[kind].model_validate(example)
         known = set(SERVER[kind].model_fields)
     else:
-        jog.CLIENT_MESSAGES.validate_json(json.dumps(example))
-        known = set(type(jog.CLIENT_MESSAGES.validate_python(example)).model_fields)
+        schemas.CLIENT_MESSAGES.validate_json(json.dumps(example))
+        known = set(type(schemas.CLIENT_MESSAGES.validate_python(example)).model_fields)
     assert set(example) <= known
-    required = {n for n, f in (SERVER.get(kind) or jog.PingMessage).model_fields.items() if f.is_required()}
+    required = {
+        n for n, f in (SERVER.get(kind) or schemas.PingMessage).model_fields.items() if f.is_required()
+    }
     assert kind not in SERVER or required <= set(example)
 
 
 @pytest.mark.parametrize(
     ("model", "field"),
-    [(jog.AckMessage, "outcome"), (jog.StoppedMessage, "reason"), (jog.AckMessage, "jog")],
+    [(schemas.AckMessage, "outcome"), (schemas.StoppedMessage, "reason"), (schemas.AckMessage, "jog")],
 )
-def test_every_word_is_explained(model: type[jog.ServerMessage], field: str) -> None:
+def test_every_word_is_explained(model: type[schemas.ServerMessage], field: str) -> None:
     for word in get_args(model.model_fields[field].annotation):
         assert f"`{word}`" in PAGE, word
 

@@ -11,13 +11,13 @@ import pytest
 from api_bench import Bench, EventClient, running
 from fastapi.routing import APIRoute
 
-from app.deps import every_axis, get_axis, get_node
-from app.leases import Lease
-from app.leasing import LeaseEnd
+from app.access.roles import DRY_RUNS, needs_lease
+from app.configuration.configuration import AuditSettings, Settings
+from app.http.deps import every_axis, get_axis, get_node
+from app.leases.book import Lease
+from app.leases.leases import LeaseEnd
 from app.main import create_app
-from app.roles import DRY_RUNS, needs_lease
-from app.settings import AuditSettings, Settings
-from app.starting import get_starter
+from app.operations.starting import get_starter
 
 pytestmark = pytest.mark.looptime
 
@@ -293,7 +293,7 @@ NO_AXIS = {
 
 
 def test_every_command_about_axes_looks_for_leases() -> None:
-    """By the axis or node of its path (`app/deps.py`), or as an operation on axes (`app/starting.py`)."""
+    """By the axis or node of its path (`http.deps`), or as an operation on axes (`operations.starting`)."""
 
     def looks(dependant: Any) -> bool:
         calls = (get_axis, get_node, every_axis, get_starter)

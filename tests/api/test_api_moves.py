@@ -7,7 +7,7 @@ import asyncio
 import pytest
 from api_bench import Bench, running
 
-from app.settings import Settings
+from app.configuration.configuration import Settings
 
 pytestmark = pytest.mark.looptime
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from api_bench import Bench, running
 
-from app.settings import AxisSettings, NodeSettings, Settings, StoreSettings
+from app.configuration.configuration import AxisSettings, NodeSettings, Settings, StoreSettings
 
 MM = Settings(
     nodes=(

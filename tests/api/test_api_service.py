@@ -10,7 +10,7 @@ import pytest
 from api_bench import Bench, EventClient, running
 from starlette.types import Message
 
-from app.settings import Settings
+from app.configuration.configuration import Settings
 
 pytestmark = pytest.mark.looptime
 

@@ -10,7 +10,7 @@ import pytest
 import yaml
 from api_bench import Bench, running
 
-from app.settings import Settings
+from app.configuration.configuration import Settings
 from drivers.cia301.objects import Address
 
 PATH = "/api/v1/nodes/1/axes/x/settings"

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from api_bench import Bench, EventClient, running
 
-from app.settings import NodeSettings, Settings
+from app.configuration.configuration import NodeSettings, Settings
 from drivers.sim.terminals import MODE as IO_MODE
 
 

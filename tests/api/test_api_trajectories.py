@@ -14,8 +14,8 @@ import httpx
 import pytest
 from api_bench import Bench
 
-from app.routes import trajectories
-from app.settings import Settings
+from app.configuration.configuration import Settings
+from app.trajectories import routes
 from drivers.master.together.trajectory_file import PointFile
 
 JSON = {"Content-Type": "application/json"}
@@ -267,7 +267,7 @@ async def test_a_path_is_not_followed_by_limits_that_it_was_not_held_against(
     """A large path takes seconds to be looked at; somebody narrows the limits meanwhile."""
     await enabled(bench)
     axis = bench.service.network.node(1).axis(0)
-    look = trajectories.survey
+    look = routes.survey
 
     async def narrow() -> None:
         url = "/api/v1/nodes/1/axes/0/settings"
@@ -282,7 +282,7 @@ async def test_a_path_is_not_followed_by_limits_that_it_was_not_held_against(
         return found
 
     loop = asyncio.get_running_loop()
-    monkeypatch.setattr(trajectories, "survey", slowly)
+    monkeypatch.setattr(routes, "survey", slowly)
     told = await refused(bench, json.dumps(body()), "not_ready")
     assert [each["code"] for each in told["obstacles"]] == ["settings_changed"]
     assert (await bench.get("/operations")).json()["operations"] == []

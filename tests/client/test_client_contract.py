@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from app.problems import PROBLEM_TYPES
+from app.http.problems import PROBLEM_TYPES
 from canaxis import errors, replies
 
 ROOT = Path(__file__).parents[2]

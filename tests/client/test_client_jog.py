@@ -12,7 +12,7 @@ from test_client_service import url  # noqa: F401 - a fixture
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from app.connections import MAX_MESSAGE
+from app.http.connections import MAX_MESSAGE
 from canaxis import Client, Forbidden, Leased, NotReady, OperationCancelled, ServiceUnreachable
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(120)]

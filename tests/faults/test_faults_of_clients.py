@@ -10,7 +10,7 @@ from api_bench import Bench, EventClient
 from fault_kit import FAR, ended, moving, refusal, truly_moving
 from starlette.types import Message
 
-from app import streams
+from app.events import streams
 
 pytestmark = pytest.mark.looptime
 

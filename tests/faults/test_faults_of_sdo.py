@@ -8,7 +8,7 @@ import pytest
 from api_bench import Bench, running
 from fault_kit import FAR, SDO_ANSWER, SDO_REQUEST, Written, metric, refusal, sent_to, truly_moving
 
-from app.settings import Settings
+from app.configuration.configuration import Settings
 from drivers.bus.faults import cob_id
 from drivers.bus.frame import Frame
 from drivers.cia301.objects import Address

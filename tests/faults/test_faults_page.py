@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from app.problems import PROBLEM_TYPES
+from app.http.problems import PROBLEM_TYPES
 from drivers.master.seen.status import NodeState
 
 TESTS = Path(__file__).parents[1]

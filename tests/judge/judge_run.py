@@ -22,7 +22,7 @@ from canaxis_processes import Canaxis, Running, until_ready
 from judge_clients import Budget, Command, Lease, RandomClient, Targets
 from judge_wire import SetPoint, WireLog
 
-from app.schemas.operations import OperationReply, OperationState
+from app.operations.schemas import OperationReply, OperationState
 
 NODES = (1, 2)
 AXES = tuple((node, axis) for node in NODES for axis in range(3))

@@ -10,8 +10,8 @@ import pytest
 import uvicorn
 from starlette.types import Receive, Scope, Send
 
-from app.connections import BoundedHttp, bounded_http, look_at
-from app.settings import ServerSettings
+from app.configuration.configuration import ServerSettings
+from app.http.connections import BoundedHttp, bounded_http, look_at
 
 pytestmark = pytest.mark.process
 

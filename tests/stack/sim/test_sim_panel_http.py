@@ -8,8 +8,8 @@ import httpx
 import pytest
 from openapi_spec_validator import OpenAPIV31SpecValidator, validate
 
+from app.configuration.configuration import Settings
 from app.panel.application import create_panel
-from app.settings import Settings
 from drivers.devices.catalog import Catalog
 from drivers.sim.panel import COMMANDS
 from drivers.sim.station import Station

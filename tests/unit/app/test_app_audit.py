@@ -7,8 +7,8 @@ import sys
 import threading
 from pathlib import Path
 
-from app.audit import AuditTrail
-from app.settings import AuditSettings
+from app.access.audit import AuditTrail
+from app.configuration.configuration import AuditSettings
 
 
 def files_in(folder: Path) -> list[Path]:

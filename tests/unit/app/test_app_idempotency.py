@@ -13,16 +13,16 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse
 from starlette.types import Receive, Scope, Send
 
-from app.deps import command_headers
-from app.idempotency import IdempotencyMiddleware
-from app.keys import PRUNE_EACH, Claim, Keys
+from app.access.roles import SAFE_METHODS, Role, is_stop
+from app.access.tokens import Principal
+from app.configuration.configuration import Settings
+from app.http.deps import command_headers
+from app.idempotency.keys import PRUNE_EACH, Claim, Keys
+from app.idempotency.middleware import IdempotencyMiddleware
+from app.idempotency.table import names
 from app.main import create_app
-from app.roles import SAFE_METHODS, Role, is_stop
-from app.settings import Settings
-from app.starting import get_starter
+from app.operations.starting import get_starter
 from app.store.database import Database
-from app.store.keys import names
-from app.tokens import Principal
 
 KEY = {"Idempotency-Key": "k1"}
 

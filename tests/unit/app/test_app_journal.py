@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator
 import pytest
 from structlog.testing import capture_logs
 
-from app.journal import KINDS, keep_journal
+from app.events.journal import KINDS, keep_journal
 from drivers.cia301.emcy import Emergency
 from drivers.devices.catalog import Catalog
 from drivers.master.seen.emergencies import EmergencyLog

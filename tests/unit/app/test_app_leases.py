@@ -9,8 +9,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from app.leases import AxisKey, Lease, LeaseBook, draw
-from app.problems import ApiError
+from app.http.problems import ApiError
+from app.leases.book import AxisKey, Lease, LeaseBook, draw
 
 X, Y, Z = (1, 0), (1, 1), (1, 2)
 AXES = (X, Y, Z, (2, 0))

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from app.problems import (
+from app.http.problems import (
     PROBLEM_TYPES,
     ApiError,
     ProblemReply,
@@ -15,7 +15,7 @@ from app.problems import (
     of_status,
     problem,
 )
-from app.replies import problem_response
+from app.http.replies import problem_response
 from drivers import errors
 
 

@@ -9,9 +9,9 @@ from fastapi.dependencies.models import Dependant
 from fastapi.routing import APIRoute
 from starlette.routing import Route, WebSocketRoute
 
+from app.access.roles import API
+from app.configuration.configuration import Settings
 from app.main import ROUTERS, create_app
-from app.roles import API
-from app.settings import Settings
 
 
 def test_every_route_has_its_whole_path_before_the_first_request():

@@ -11,11 +11,11 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse
 from starlette.types import Message, Receive, Scope, Send
 
-from app.roles import Role, is_stop
-from app.security import MAX_BODY, Policy, SecurityMiddleware
-from app.settings import ServerSettings
-from app.tickets import Tickets
-from app.tokens import Principal
+from app.access.roles import Role, is_stop
+from app.access.security import MAX_BODY, Policy, SecurityMiddleware
+from app.access.tickets import Tickets
+from app.access.tokens import Principal
+from app.configuration.configuration import ServerSettings
 
 TOKEN = "correct-horse-battery-9"
 JSON = {"Content-Type": "application/json"}

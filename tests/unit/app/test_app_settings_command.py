@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from app.cli import command_line
-from app.settings import SettingsError
+from app.configuration.configuration import SettingsError
 
 DIFF = {
     "equal": False,

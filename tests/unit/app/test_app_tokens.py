@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from app.access.roles import Role, role_for
+from app.access.tickets import CAPACITY, LIFETIME, Tickets
+from app.access.tokens import Principal, Tokens, add_token, read_tokens
 from app.cli import command_line
-from app.rates import CLIENTS, RateLimit
-from app.roles import Role, role_for
-from app.settings import ServerSettings, SettingsError
-from app.tickets import CAPACITY, LIFETIME, Tickets
-from app.tokens import Principal, Tokens, add_token, read_tokens
+from app.configuration.configuration import ServerSettings, SettingsError
+from app.http.rates import CLIENTS, RateLimit
 
 READER = Principal("screen", Role.READ)
 

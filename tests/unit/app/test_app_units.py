@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.problems import ApiError
-from app.units import Scale
+from app.axes.units import Scale
+from app.http.problems import ApiError
 from drivers.master.plan.configuration import AxisConfig
 
 MM = AxisConfig(name="x", unit="mm", steps_per_unit=51200 / 4)

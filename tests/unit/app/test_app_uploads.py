@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 from starlette.types import Message, Receive, Scope, Send
 
-from app.replies import ClientGone, Refusal
-from app.roles import API
-from app.security import Policy, SecurityMiddleware
-from app.settings import ServerSettings
-from app.tickets import Tickets
-from app.uploads import AT_ONCE, JSON, Uploads
+from app.access.roles import API
+from app.access.security import Policy, SecurityMiddleware
+from app.access.tickets import Tickets
+from app.configuration.configuration import ServerSettings
+from app.http.replies import ClientGone, Refusal
+from app.http.uploads import AT_ONCE, JSON, Uploads
 
 pytestmark = pytest.mark.looptime
 

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from pydantic import BaseModel, ValidationError
 
-from app.schemas.axes import HomeBody, MoveBody
-from app.schemas.nodes import ObjectBody
-from app.schemas.system import StopBody
-from app.validation import of_unreadable, of_validation
+from app.axes.schemas import HomeBody, MoveBody
+from app.health.schemas import StopBody
+from app.http.validation import of_unreadable, of_validation
+from app.nodes.schemas import ObjectBody
 
 GOOD = {"target": 1, "unit": "steps"}
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import yaml
 
-from app.settings import Settings, load_settings
+from app.configuration.configuration import Settings, load_settings
 
 TOKEN = "0f1e2d3c4b5a69788796a5b4c3d2e1f0"
 

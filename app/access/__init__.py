@@ -1,0 +1,1 @@
+"""Who may do what: tokens, roles, tickets, the guard at the door, and the record of commands."""

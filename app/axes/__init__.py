@@ -1,0 +1,1 @@
+"""An axis: its status, its readiness, switching it on and off, its units."""

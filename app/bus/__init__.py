@@ -1,0 +1,1 @@
+"""The CAN bus as the API shows it."""

@@ -1,0 +1,18 @@
+"""The CAN bus."""
+
+from __future__ import annotations
+
+from app.access.roles import API
+from app.axes import views
+from app.health.schemas import BusReply
+from app.http.deps import ServiceDep
+from app.http.documentation import problems
+from app.http.routing import Router
+
+router = Router(f"{API}/bus", tags=["bus"])
+
+
+@router.get("", summary="State and counters of the bus", responses=problems())
+async def get_bus(service: ServiceDep) -> BusReply:
+    """Whether frames flow, and what passed over the wire."""
+    return views.bus(service)

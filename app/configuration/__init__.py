@@ -1,0 +1,1 @@
+"""What an operator writes, in `canaxis.yaml` and in variables named CANAXIS_..."""

@@ -1,0 +1,347 @@
+"""One tree of settings: a YAML or TOML file, then environment variables, then what a command line says.
+
+The bus speaks python-can's own vocabulary (`interface`, `channel`, `bitrate`, and whatever else its interface
+takes under `options`). Lengths, speeds and accelerations of an axis are in the axis's own `unit` or name
+theirs (`axis_settings`). A key that isn't known is an error that names the key.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Self, cast
+
+from platformdirs import user_state_path
+from pydantic import Field, SecretStr, ValidationError, field_validator, model_validator
+
+from app.configuration.axes import AxisSettings, Name, Section, SettingsError
+from drivers.errors import BadValue
+from drivers.master.plan.configuration import NetworkConfig, NodeConfig
+
+__all__ = ["AxisSettings", "Settings", "SettingsError", "load_settings"]
+
+ENV_PREFIX = "CANAXIS_"
+CONFIG_VARIABLE = "CANAXIS_CONFIG"
+DEFAULT_FILE = Path("canaxis.yaml")
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+TOKEN_LENGTH = 22
+"""Characters of a token: 128 random bits in base64; in hexadecimal they are 32."""
+TOKEN_VARIETY = 8
+"""Different characters that a random token surely has, unlike most made up."""
+
+
+class BusSettings(Section):
+    """Which wire to open, in python-can's words."""
+
+    interface: str = "socketcand"
+    channel: str | None = "can0"
+    bitrate: int | None = Field(default=None, gt=0, le=1_000_000, description="bit/s")
+    options: dict[str, Any] = Field(default_factory=dict, description="Further options of the interface.")
+
+    def arguments(self) -> dict[str, Any]:
+        """What `PythonCanBus` takes."""
+        return {
+            "interface": self.interface,
+            "channel": self.channel,
+            "bitrate": self.bitrate,
+            **self.options,
+        }
+
+
+class ServerSettings(Section):
+    """Where the service listens, and who may speak to it."""
+
+    host: str = "127.0.0.1"
+    port: int = Field(default=8402, ge=0, le=65535, description="0 lets the system choose.")
+    token: SecretStr | None = Field(
+        default=None, description="A bearer token for everything; random, 22 characters or more."
+    )
+    token_file: Path | None = Field(
+        default=None, description="File of hashed tokens with names and roles, made by `canaxis token`."
+    )
+    allowed_hosts: tuple[str, ...] = Field(default=(), description="Further values of the Host header.")
+    allowed_origins: tuple[str, ...] = Field(default=(), description="Origins of web pages that may command.")
+    max_streams: int = Field(
+        default=64, ge=1, description="Event streams open at once, and connections that jog."
+    )
+    jog_silence_ms: int = Field(
+        default=500, ge=200, le=2000, description="Without a hold for so long, a jogged axis is stopped."
+    )
+    max_connections: int = Field(default=512, ge=8, description="TCP connections open at once.")
+    requests_per_second: Positive | None = Field(
+        default=5000.0, description="Of one client address, stops excepted; null: no limit."
+    )
+    request_timeout: Positive = Field(
+        default=10.0, description="Seconds in which the head of a request must be here, and its body."
+    )
+    stop_timeout: Positive = Field(default=5.0, description="Seconds that open requests get at shutdown.")
+
+    @field_validator("token")
+    @classmethod
+    def _check_token(cls, token: SecretStr | None) -> SecretStr | None:
+        text = "" if token is None else token.get_secret_value()
+        long_enough = len(text) >= TOKEN_LENGTH and len(set(text)) >= TOKEN_VARIETY
+        if token is not None and not (
+            long_enough and text.isascii() and text.isprintable() and " " not in text
+        ):
+            raise ValueError(
+                f"at least {TOKEN_LENGTH} random ASCII characters without spaces are needed; "
+                "`openssl rand -hex 16` makes some"
+            )
+        return token
+
+    @property
+    def has_token(self) -> bool:
+        """Whether requests need a token."""
+        return self.token is not None or self.token_file is not None
+
+    @property
+    def is_loopback(self) -> bool:
+        """Whether only programs on this machine can reach us."""
+        try:
+            return ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return self.host == "localhost"  # any other name may lead anywhere
+
+
+class TrajectorySettings(Section):
+    """Paths that are sent as points."""
+
+    max_bytes: int = Field(default=256 << 20, ge=1024, description="The largest body, as JSON or CSV.")
+    upload_timeout: Positive = Field(
+        default=600.0, description="Seconds in which it must be here; see also server.request_timeout."
+    )
+    folder: Path | None = Field(
+        default=None, description="Where points are put aside; none: the system's for temporary files."
+    )
+
+
+class ObjectsSettings(Section):
+    """Raw access to the object dictionary."""
+
+    writable: bool = Field(default=False, description="Whether PUT on objects is allowed at all.")
+
+
+def default_store() -> Path:
+    """Where `canaxis serve` remembers operations if no file is named: the user's folder for state."""
+    return user_state_path("canaxis") / "canaxis.db"
+
+
+class StoreSettings(Section):
+    """Where operations are remembered, and how long."""
+
+    file: Path | None = Field(
+        default=None, description="SQLite file; without one, everything is forgotten when the service ends."
+    )
+    keep_days: Positive = Field(default=90, description="Days for which ended operations are kept.")
+    keep_operations: int = Field(default=100_000, ge=1, description="How many ended operations are kept.")
+
+
+class AuditSettings(Section):
+    """The record of who commanded what, besides the log."""
+
+    file: Path | None = Field(default=None, description="JSON lines are added to it; none: the log alone.")
+    max_bytes: int = Field(default=10_000_000, ge=10_000, description="A larger file is set aside.")
+    keep: int = Field(default=5, ge=1, le=1000, description="Files that were set aside and are kept.")
+
+
+class LogSettings(Section):
+    """What is logged, and how."""
+
+    level: str = Field(default="info", pattern="^(debug|info|warning|error)$")
+    format: str = Field(default="console", pattern="^(console|json)$")
+
+
+def _three_axes() -> tuple[AxisSettings, ...]:
+    return tuple(AxisSettings(name=name) for name in ("x", "y", "z"))
+
+
+class NodeSettings(Section):
+    """One module on the bus."""
+
+    id: int = Field(ge=1, le=127)
+    name: Name
+    model: str = "TMCM-3216"
+    axes: tuple[AxisSettings, ...] = Field(default_factory=_three_axes, min_length=1)
+    analog_full_scale: float | None = Field(
+        default=None, gt=0, le=1000, description="Volts at which an analog input reads its highest value."
+    )
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        names = [axis.name for axis in self.axes]
+        if len(set(names)) != len(names):
+            raise ValueError("axes: two axes have the same name")
+        return self
+
+    def to_config(self) -> NodeConfig:
+        """What the master takes."""
+        return NodeConfig(
+            node_id=self.id,
+            name=self.name,
+            model=self.model,
+            axes=tuple(axis.to_config() for axis in self.axes),
+            analog_full_scale=self.analog_full_scale,
+        )
+
+
+def _one_node() -> tuple[NodeSettings, ...]:
+    return (NodeSettings(id=1, name="stage"),)
+
+
+class NetworkSettings(Section):
+    """What the master itself is on the bus, and how who watches whom."""
+
+    master_node_id: int | None = Field(default=None, ge=1, le=127)
+    heartbeat_ms: int | None = Field(default=None, ge=10, le=1000)
+    consumer_ms: int | None = Field(default=None, ge=50, le=10_000)
+    node_heartbeat_ms: int | None = Field(default=None, ge=10, le=10_000)
+    allow_unverified_failsafe: bool | None = None
+    sender_process: bool | None = None
+
+
+class Settings(Section):
+    """All of it."""
+
+    bus: BusSettings = Field(default_factory=BusSettings)
+    server: ServerSettings = Field(default_factory=ServerSettings)
+    network: NetworkSettings = Field(default_factory=NetworkSettings)
+    nodes: tuple[NodeSettings, ...] = Field(default_factory=_one_node, min_length=1)
+    trajectories: TrajectorySettings = Field(default_factory=TrajectorySettings)
+    objects: ObjectsSettings = Field(default_factory=ObjectsSettings)
+    store: StoreSettings = Field(default_factory=StoreSettings)
+    audit: AuditSettings = Field(default_factory=AuditSettings)
+    log: LogSettings = Field(default_factory=LogSettings)
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        ids = [node.id for node in self.nodes]
+        names = [node.name for node in self.nodes]
+        if len(set(ids)) != len(ids):
+            raise ValueError("nodes: two nodes have the same id")
+        if len(set(names)) != len(names):
+            raise ValueError("nodes: two nodes have the same name")
+        return self
+
+    def with_store(self, file: Path) -> Settings:
+        """The same with this file for the store, unless one is named already."""
+        if self.store.file is not None:
+            return self
+        return self.model_copy(update={"store": self.store.model_copy(update={"file": file})})
+
+    def network_config(self) -> NetworkConfig:
+        """What the master takes. Raises `SettingsError` for what it refuses."""
+        given = self.network.model_dump(exclude_none=True)
+        try:
+            return NetworkConfig(nodes=tuple(node.to_config() for node in self.nodes), **given)
+        except BadValue as error:
+            raise SettingsError(error.message) from error
+
+    def check_exposure(self) -> None:
+        """Refuse an address that others can reach without a token. Raises `SettingsError`."""
+        if not self.server.has_token and not self.server.is_loopback:
+            raise SettingsError(
+                f"server.host: {self.server.host} can be reached by others, and no token is set; "
+                "set server.token or server.token_file, or listen on 127.0.0.1"
+            )
+
+
+def load_settings(path: Path | None = None, overrides: Mapping[str, Any] | None = None) -> Settings:
+    """Read the settings: defaults < file < environment < `overrides` (nested; the command line).
+
+    Without `path`, the file named by ``CANAXIS_CONFIG`` is taken, else ``canaxis.yaml`` here if it exists.
+    Raises `SettingsError` with every key that is wrong.
+    """
+    variables = _variables(os.environ)
+    source = path or (Path(os.environ[CONFIG_VARIABLE]) if os.environ.get(CONFIG_VARIABLE) else None)
+    if source is None and DEFAULT_FILE.is_file():
+        source = DEFAULT_FILE
+    values: dict[str, Any] = {} if source is None else _read_file(source)
+    if source is not None:
+        _check_private(source, values)
+    try:
+        if variables:
+            values = _merged(values, _from_environment())
+        return Settings(**_merged(values, overrides or {}))
+    except ValidationError as error:
+        raise SettingsError(_explain(error, source)) from error
+    except RecursionError as error:
+        raise SettingsError("the settings have brackets within brackets beyond all bounds") from error
+
+
+def _variables(environ: Mapping[str, str]) -> list[str]:
+    """The variables that are settings. Raises `SettingsError` for one that only looks like it."""
+    known = {ENV_PREFIX + name.upper() for name in Settings.model_fields} | {CONFIG_VARIABLE}
+    ours = sorted(name for name in environ if name.upper().startswith(ENV_PREFIX))
+    for name in ours:
+        if name.upper().split("__")[0] not in known:
+            raise SettingsError(f"{name}: no such setting; known are {', '.join(sorted(known))}")
+    return [name for name in ours if name != CONFIG_VARIABLE]
+
+
+def _from_environment() -> dict[str, Any]:
+    import pydantic_settings  # takes 20 ms: a service without variables starts without it
+
+    source = pydantic_settings.EnvSettingsSource(
+        cast("type[pydantic_settings.BaseSettings]", Settings),
+        env_prefix=ENV_PREFIX,
+        env_nested_delimiter="__",
+        env_ignore_empty=True,
+    )
+    try:
+        return source()
+    except pydantic_settings.SettingsError as error:
+        raise SettingsError(f"{error} (lists and mappings are written in JSON)") from error
+
+
+def _read_file(path: Path) -> dict[str, Any]:
+    import yaml  # takes 15 ms: a service without a file starts without it
+
+    try:
+        text = path.read_text(encoding="utf-8")
+        data: object = tomllib.loads(text) if path.suffix == ".toml" else yaml.safe_load(text)
+    except OSError as error:
+        raise SettingsError(f"{path}: {error.strerror}") from error
+    except RecursionError as error:
+        raise SettingsError(f"{path}: brackets within brackets beyond all bounds") from error
+    except (ValueError, yaml.YAMLError) as error:  # no UTF-8, no TOML, or a date like 2001-99-99
+        raise SettingsError(f"{path}: {error}") from error
+    if data is None:
+        return {}
+    if not isinstance(data, dict):
+        raise SettingsError(f"{path}: a mapping of settings is expected at the top")
+    return {str(key): value for key, value in cast("dict[object, Any]", data).items()}
+
+
+def _check_private(path: Path, values: Mapping[str, Any]) -> None:
+    """Others on this machine must not read a token."""
+    server: object = values.get("server")
+    holds = isinstance(server, Mapping) and "token" in server
+    if holds and path.stat().st_mode & 0o077:
+        raise SettingsError(f"{path} holds server.token: it must be readable by its owner only (chmod 600)")
+
+
+def _merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    result = dict(base)
+    for key, value in over.items():
+        known = result.get(key)
+        if isinstance(value, Mapping) and isinstance(known, Mapping):
+            result[key] = _merged(cast("Mapping[str, Any]", known), cast("Mapping[str, Any]", value))
+        else:
+            result[key] = value
+    return result
+
+
+def _explain(error: ValidationError, source: Path | None) -> str:
+    def line(item: Mapping[str, Any]) -> str:
+        where = ".".join(str(part) for part in item["loc"]) or "settings"
+        what = "no such setting" if item["type"] == "extra_forbidden" else item["msg"]
+        return f"{where}: {what}"
+
+    lines = [line(item) for item in cast("list[Mapping[str, Any]]", error.errors(include_url=False))]
+    return "\n".join([f"in {source}:", *lines] if source else lines)

@@ -1,0 +1,1 @@
+"""Coordinated moves: axes that start on one SYNC and arrive together."""

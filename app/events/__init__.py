@@ -1,0 +1,1 @@
+"""The event streams, and the journal in the log."""

@@ -1,0 +1,111 @@
+"""The service itself: at the root, outside the API's version."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from typing import Annotated
+
+from fastapi import Path, Response
+from fastapi.responses import PlainTextResponse
+
+from app.access.roles import API
+from app.health.schemas import LiveReply, ProblemTypeReply, ReadyReply, ServiceReply
+from app.http.deps import ServiceDep
+from app.http.documentation import problems
+from app.http.problems import PROBLEM_TYPES, ApiError
+from app.http.routing import Router
+from app.service import Service
+from drivers.master.seen.status import NodeState
+
+router = Router("", tags=["service"])
+api_root = Router(API, tags=["service"])
+
+NOT_READY = {503: {"description": "Something that is configured can't be commanded.", "model": ReadyReply}}
+METRICS_TYPE = "text/plain; version=0.0.4; charset=utf-8"
+
+
+@router.get("/livez", summary="Whether the process answers", responses=problems())
+async def get_livez() -> LiveReply:
+    """Answers as long as the event loop runs."""
+    return LiveReply(status="alive")
+
+
+@router.get("/readyz", summary="Whether everything can be commanded", responses={**problems(), **NOT_READY})
+async def get_readyz(service: ServiceDep, response: Response) -> ReadyReply:
+    """503 with reasons while the bus is down or a configured node is not operational."""
+    reasons = not_ready_reasons(service)
+    response.status_code = 503 if reasons else 200
+    return ReadyReply(ready=not reasons, reasons=reasons, warnings=_warnings(service))
+
+
+def not_ready_reasons(service: Service) -> list[str]:
+    """Why the service is not ready; empty if it is."""
+    reasons: list[str] = []
+    bus = service.network.bus_status()
+    if service.network.failure is not None:
+        reasons.append("The service failed unexpectedly; its log says more.")
+    if service.closing:
+        reasons.append("The service is shutting down.")
+    if service.bus_problem is not None:
+        reasons.append(f"The bus is not open: {service.bus_problem}")
+    elif not bus.state.can_send:
+        reasons.append(f"The bus is {bus.state.value}: {bus.reason}")
+    for node in service.network.nodes.values():
+        status = node.status()
+        if status.state is not NodeState.OPERATIONAL:
+            reasons.append(
+                f"Node {node.node_id} ({node.name}) is {status.state.value}. {status.reason}".strip()
+            )
+    return reasons
+
+
+def _warnings(service: Service) -> list[str]:
+    """What prevents no command, but should be put right."""
+    warnings: list[str] = []
+    if not (history := service.store.health).on:
+        warnings.append(f"History is off: {history.reason}")
+    if (problem := service.audit.problem) is not None:
+        warnings.append(f"The record of commands is off: {problem}")
+    return warnings
+
+
+@router.get(
+    "/metrics",
+    summary="Measurements for Prometheus",
+    response_class=PlainTextResponse,
+    responses={200: {"content": {"text/plain": {"example": "canaxis_bus_up 1.0\n"}}}, **problems()},
+)
+async def get_metrics(service: ServiceDep) -> Response:
+    """Counters of the bus, the nodes, the operations and this API."""
+    return Response(service.metrics.render(), media_type=METRICS_TYPE)
+
+
+@router.get("/problems/{name}", summary="What a problem means", responses=problems("unknown_problem"))
+async def get_problem_type(
+    name: Annotated[str, Path(max_length=64, examples=["not-ready"])],
+) -> ProblemTypeReply:
+    """The description behind a problem's `type`."""
+    row = PROBLEM_TYPES.get(name.replace("-", "_"))
+    if row is None:
+        raise ApiError("unknown_problem", "There is no such kind of problem.")
+    return ProblemTypeReply(
+        type=row.uri, code=row.code, status=row.status, title=row.title, explanation=row.explanation
+    )
+
+
+@api_root.get("", summary="Where everything is", responses=problems())
+async def get_service() -> ServiceReply:
+    """The service's version and its main resources."""
+    return ServiceReply(
+        name="canaxis",
+        version=version("canaxis"),
+        links={
+            "nodes": "/api/v1/nodes",
+            "operations": "/api/v1/operations",
+            "events": "/api/v1/events",
+            "bus": "/api/v1/bus",
+            "stop": "/api/v1/stop",
+            "documentation": "/docs",
+            "openapi": "/openapi.json",
+        },
+    )

@@ -1,0 +1,1 @@
+"""What every route needs: problems, replies, validation, the document of the API."""

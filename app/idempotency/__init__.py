@@ -1,0 +1,1 @@
+"""`Idempotency-Key`: a command that is sent twice is carried out once."""

@@ -1,0 +1,24 @@
+"""Jogging, over a WebSocket. openapi/jog.md is its contract: OpenAPI has no words for it."""
+
+from __future__ import annotations
+
+from fastapi import WebSocket
+
+from app.access.roles import API
+from app.access.tokens import Principal
+from app.http.deps import find_axis
+from app.http.routing import Router
+from app.operations.schemas import Asker
+from app.service import Service
+
+router = Router(f"{API}/nodes/{{node}}/axes/{{axis}}")
+
+
+@router.websocket("/jog")
+async def jog_axis(websocket: WebSocket, node: str, axis: str) -> None:
+    """Turn the axis while it is held."""
+    service: Service = websocket.state.service
+    principal: Principal = websocket.state.principal
+    address = "" if websocket.client is None else websocket.client.host
+    asker = Asker(name=principal.name, address=address)
+    await service.jogs.serve(websocket, lambda: find_axis(service, node, axis), asker)

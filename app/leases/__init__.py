@@ -1,0 +1,1 @@
+"""Leases: exclusive control of axes, for a while."""

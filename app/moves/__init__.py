@@ -1,0 +1,1 @@
+"""The commands that move one axis: move, velocity, home, set position; and their dry runs."""

@@ -1,0 +1,1 @@
+"""Operations: commands that take time, written down before anything is sent."""

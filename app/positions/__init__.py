@@ -1,0 +1,1 @@
+"""Positions of an axis that have names."""

@@ -1,1 +1,0 @@
-"""The wire models: every number names its unit."""

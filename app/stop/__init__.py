@@ -1,0 +1,1 @@
+"""The software stop for everything."""

@@ -1,0 +1,43 @@
+"""The software stop for everything. Always allowed; latched until it is reset on purpose."""
+
+from __future__ import annotations
+
+from fastapi import Depends
+
+from app.access.roles import API
+from app.axes import views
+from app.health.schemas import StopBody, StopReply, StopState
+from app.http.deps import ServiceDep, command_headers, empty_body
+from app.http.documentation import KEYS, UNSAFE, problems
+from app.http.routing import Router
+
+router = Router(f"{API}/stop", tags=["stop"])
+
+
+@router.post("", summary="Stop every axis", responses=problems(*UNSAFE))
+async def stop_everything(service: ServiceDep, body: StopBody | None = None) -> StopReply:
+    """Ramp every axis of every node down and refuse motion until the stop is reset. Needs no body.
+
+    The answer says for each axis whether it was seen to stand. This is a software stop, not an emergency
+    stop.
+    """
+    reason = (body or StopBody()).reason
+    return views.stop_report(await service.unconditional(service.network.stop_all(reason)))
+
+
+@router.get("", summary="Whether a stop is latched", responses=problems())
+async def get_stop(service: ServiceDep) -> StopState:
+    """Whether motion is refused because everything was stopped, why, and since when."""
+    return views.stop(service.network.stop_latched)
+
+
+@router.post(
+    "/reset",
+    summary="Allow motion again",
+    dependencies=[Depends(command_headers), Depends(empty_body)],
+    responses=problems(*UNSAFE, *KEYS),
+)
+async def reset_stop(service: ServiceDep) -> StopState:
+    """Release the latch. Nothing moves by itself: what was stopped must be commanded anew."""
+    service.network.reset_stop()
+    return views.stop(service.network.stop_latched)

@@ -1,0 +1,1 @@
+"""Trajectories: uploads of points, read and handed to the master."""
