@@ -11,12 +11,13 @@ from typing import Any
 
 import pytest
 from openapi_spec_validator import validate
+from repository import ROOT
 
 from app.configuration.configuration import Settings
 from app.http.documentation import render
 from app.main import create_app
 
-COMMITTED = Path(__file__).parents[2] / "openapi" / "openapi.json"
+COMMITTED = ROOT / "openapi" / "openapi.json"
 DOCUMENT: dict[str, Any] = json.loads(COMMITTED.read_text(encoding="utf-8"))
 UNSAFE = ("post", "put", "patch", "delete")
 

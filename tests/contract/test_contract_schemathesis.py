@@ -29,7 +29,7 @@ def test_no_server_error_and_no_undocumented_answer(tmp_path: Path) -> None:
             [
                 sys.executable, "-m", "schemathesis.cli", "run", str(DOCUMENT), "--url", str(http.base_url),
                 "--checks", ",".join(CHECKS), "--exclude-path", "/api/v1/events",
-                # Waits for as long as 1016h says, ten seconds here; tests/api has it on a virtual clock.
+                # Waits for as long as 1016h says, ten seconds here; tests/app/nodes: on a virtual clock.
                 "--exclude-path", "/api/v1/nodes/{node}/verify-failsafe",
                 "--max-examples", "12", "--generation-deterministic", "--no-color",
             ],

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import ast
 import re
-from pathlib import Path
 
 import pytest
+from repository import ROOT
 
 from app.http.problems import PROBLEM_TYPES
 from drivers.master.seen.status import NodeState
 
-TESTS = Path(__file__).parents[1]
-PAGE = (TESTS.parent / "docs" / "faults.md").read_text(encoding="utf-8")
+TESTS = ROOT / "tests"
+PAGE = (ROOT / "docs" / "faults.md").read_text(encoding="utf-8")
 NAMED = re.compile(r"`(test_\w+\.py)(?:::(test_\w+))?`")
 FILES = {path.name: path for path in TESTS.rglob("test_*.py")}
 ROWS = [

@@ -19,7 +19,7 @@ from typing import Any
 HERE = Path(__file__).resolve().parent
 TESTS = HERE.parent
 CORPUS = TESTS.parent / ".fuzz"
-FOLDERS = ("fuzz", "property", "stack", "api", "unit/bus", "unit/sim")
+FOLDERS = ("kits", "fuzz", "app", "drivers/bus", "drivers/cia301", "drivers/cia402", "drivers/sim")
 MODULES = (
     "test_fuzz_devices",
     "test_fuzz_face",

@@ -1,6 +1,6 @@
 """An SDO transfer that is fed anything: what it ignores leaves no trace, and what it calls done is done.
 
-That no frame breaks a client or a server, and all round trips: tests/property/test_property_cia301_sdo.py.
+That no frame breaks a client or a server, and all round trips: test_property_cia301_sdo.py.
 """
 
 from __future__ import annotations

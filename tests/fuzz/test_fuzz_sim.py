@@ -1,6 +1,6 @@
 """The simulated module on a hostile wire: no motor starts without the whole sequence of commands.
 
-That it never raises: tests/unit/sim/test_sim_core_fuzz.py.
+That it never raises: tests/drivers/sim/test_sim_core_fuzz.py.
 """
 
 from __future__ import annotations

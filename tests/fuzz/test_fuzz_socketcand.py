@@ -1,6 +1,6 @@
 """The socketcand server against any bytes: each malformed command is told so, and the next client is served.
 
-The texts of single commands: tests/unit/bus/test_bus_socketcand_text.py.
+The texts of single commands: tests/drivers/bus/test_bus_socketcand_text.py.
 """
 
 from __future__ import annotations

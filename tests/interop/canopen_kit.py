@@ -11,12 +11,12 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import canopen
 from canopen.objectdictionary import ODVariable
+from repository import ROOT
 
-EDS = Path(__file__).parents[2] / "drivers" / "devices" / "data" / "tmcm_3216.eds"
+EDS = ROOT / "drivers" / "devices" / "data" / "tmcm_3216.eds"
 
 TOO_LONG, TOO_SHORT = 0x06070012, 0x06070013
 TOO_HIGH, TOO_LOW, NOT_ALLOWED = 0x06090031, 0x06090032, 0x06090030

@@ -5,13 +5,11 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from repository import ROOT
 
 from bench.parts import PARTS
-
-ROOT = Path(__file__).parents[2]
 
 pytestmark = pytest.mark.process
 

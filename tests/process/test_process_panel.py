@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import httpx
 import pytest
+from repository import ROOT
 
 from drivers.devices.catalog import Catalog
 from drivers.devices.eds import build_eds
@@ -21,7 +22,6 @@ from drivers.sim.panel import COMMANDS
 
 pytestmark = pytest.mark.process
 
-ROOT = Path(__file__).parents[2]
 GUIDE = ROOT / "docs" / "testing-with-the-simulator.md"
 CANAXIS = (sys.executable, "-m", "app")
 PYTEST = (sys.executable, "-m", "pytest", "-q", "-W", "error", "-p", "no:cacheprovider", "-c", os.devnull)

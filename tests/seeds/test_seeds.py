@@ -8,15 +8,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from repository import ROOT
 from seed_run import run
 
 CHUNKS = 18
 SEEDS_IN_A_CHUNK = 5
-
-REPOSITORY = Path(__file__).parents[2]
 
 
 @pytest.mark.timeout(600)
@@ -33,8 +31,8 @@ def test_a_seed_plays_the_same_again_and_in_another_process() -> None:
     assert (here.digest, here.lines, here.seconds) == (again.digest, again.lines, again.seconds)
     told = subprocess.run(
         [sys.executable, "tests/seeds", "--seed", str(seed)],
-        cwd=REPOSITORY,
-        env={**os.environ, "PYTHONHASHSEED": "4711", "PYTHONPATH": str(REPOSITORY)},
+        cwd=ROOT,
+        env={**os.environ, "PYTHONHASHSEED": "4711", "PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
         timeout=50,

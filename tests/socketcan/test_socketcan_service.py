@@ -19,6 +19,7 @@ import canopen
 import httpx
 import pytest
 from canaxis_processes import JSON, Running, until_ready
+from repository import ROOT
 
 import drivers.devices
 
@@ -33,7 +34,7 @@ if os.geteuid() != 0:
 
 ON_BUS = ("--interface", "socketcan", "--channel", CHANNEL)
 EDS = Path(drivers.devices.__file__).with_name("data") / "tmcm_3216.eds"
-LOCAL_NODE = Path(__file__).parents[1] / "interop" / "local_node.py"
+LOCAL_NODE = ROOT / "tests" / "interop" / "local_node.py"
 PATIENT = "network: {consumer_ms: 5000, node_heartbeat_ms: 2000, sender_process: false}\n"
 """A kernel within a kernel on a shared core is slow; what time-outs give is tested on a virtual clock. A
 user-mode kernel may panic where a service with threads starts a process; the sender's process on such a link
