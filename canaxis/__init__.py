@@ -7,7 +7,6 @@ HTTP contract and nothing else of it, and needs httpx alone. docs/python-client.
 from canaxis.async_client import AsyncAxis, AsyncClient, AsyncNode, AsyncOperation
 from canaxis.client import Axis, Client, Node, Operation
 from canaxis.errors import (
-    Action,
     AxisFault,
     BadReply,
     BadValue,
@@ -30,7 +29,6 @@ from canaxis.errors import (
     NodeFailed,
     NotFound,
     NotReady,
-    Obstacle,
     OperationCancelled,
     OutcomeUnknown,
     PreconditionFailed,
@@ -55,6 +53,7 @@ from canaxis.errors import (
 from canaxis.exchange import Patience
 from canaxis.jog import Jog, JogStopped
 from canaxis.lease import AsyncLease, Lease
+from canaxis.obstacles import Action, Obstacle
 from canaxis.replies import AxisSettings, Preview
 from canaxis.stream import Sample
 

@@ -25,8 +25,8 @@ from canaxis.calls import (
     VelocityOptions,
     WaitOptions,
 )
-from canaxis.errors import Action
 from canaxis.exchange import Answer, Call, Exchange, Patience, Request
+from canaxis.obstacles import Action
 from canaxis.operation import OperationView
 from canaxis.path import AnyPoints, Axes, PathBody
 from canaxis.replies import (

@@ -10,8 +10,9 @@ from dataclasses import replace
 from typing import Any, Literal, NotRequired, TypedDict
 from urllib.parse import quote
 
-from canaxis.errors import Action, BadValue
+from canaxis.errors import BadValue
 from canaxis.exchange import Call, Request, TaggedCall, asking, command, look, stop
+from canaxis.obstacles import Action
 from canaxis.path import PathBody
 from canaxis.reading import read
 from canaxis.replies import (

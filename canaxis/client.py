@@ -25,9 +25,9 @@ from canaxis.calls import (
     VelocityOptions,
     WaitOptions,
 )
-from canaxis.errors import Action
 from canaxis.exchange import Answer, Call, Exchange, Patience, Request
 from canaxis.jog import Jog
+from canaxis.obstacles import Action
 from canaxis.operation import OperationView
 from canaxis.path import Axes, PathBody, Points
 from canaxis.replies import (

@@ -7,28 +7,9 @@ doesn't know yet becomes the class of its status.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar
 
-
-@dataclass(frozen=True, slots=True)
-class Action:
-    """A request that takes an obstacle away; `Client.follow` sends it."""
-
-    method: str
-    path: str
-    body: Mapping[str, Any]
-
-
-@dataclass(frozen=True, slots=True)
-class Obstacle:
-    """One thing that prevents a command now, and what to do about it."""
-
-    code: str
-    message: str
-    remedy: str
-    action: Action | None = None
-    """What does it; None: it takes waiting, or a person's hands."""
+from canaxis.obstacles import Obstacle, obstacles_of, rows
 
 
 class CanaxisError(Exception):
@@ -63,16 +44,7 @@ class CanaxisError(Exception):
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:
         """What prevents the command, in the service's order; empty where it named nothing."""
-        rows = _rows(self.problem.get("obstacles"))
-        return tuple(
-            Obstacle(
-                str(row.get("code", "")),
-                str(row.get("message", "")),
-                str(row.get("remedy", "")),
-                _action(row.get("action")),
-            )
-            for row in rows
-        )
+        return obstacles_of(self.problem)
 
 
 # --- without the service's word ---
@@ -353,19 +325,5 @@ def of_problem(problem: Mapping[str, Any], status: int | None = None) -> Canaxis
 
 
 def _with_fields(detail: str, problem: Mapping[str, Any]) -> str:
-    fields = [f"{row.get('field')}: {row.get('message')}" for row in _rows(problem.get("errors"))]
+    fields = [f"{row.get('field')}: {row.get('message')}" for row in rows(problem.get("errors"))]
     return f"{detail} ({'; '.join(fields)})" if fields else detail
-
-
-def _action(value: object) -> Action | None:
-    if not isinstance(value, Mapping):
-        return None
-    row = cast("Mapping[str, Any]", value)
-    return Action(str(row.get("method", "")), str(row.get("path", "")), row.get("body") or {})
-
-
-def _rows(value: object) -> list[Mapping[str, Any]]:
-    if not isinstance(value, list):
-        return []
-    rows = cast("list[object]", value)
-    return [cast("Mapping[str, Any]", row) for row in rows if isinstance(row, Mapping)]
