@@ -32,10 +32,15 @@ openapi: $(VENV)/.dev  ## Write openapi/openapi.json anew from the service
 eds: $(VENV)/.dev  ## Write the module's EDS anew from its object dictionary
 	$(BIN)/python -m drivers.devices.eds
 
+.PHONY: client
+client: $(VENV)/.dev  ## Write the blocking client, canaxis/blocking, anew from the asynchronous one
+	$(BIN)/python tools/blocking.py
+
 .PHONY: drift
 drift: $(VENV)/.dev  ## Fail if a committed generated file differs from what its source makes now
 	$(BIN)/canaxis openapi | diff -u openapi/openapi.json -
 	$(BIN)/canaxis eds print | diff -u drivers/devices/data/tmcm_3216.eds -
+	$(BIN)/python tools/blocking.py --check
 
 .PHONY: bench
 bench: $(VENV)/.dev  ## Measure the speed beside canopen's and canopen-asyncio's (see docs/benchmarks.md)

@@ -4,8 +4,19 @@
 HTTP contract and nothing else of it, and needs httpx alone. docs/python-client.md shows it at work.
 """
 
-from canaxis.async_client import AsyncAxis, AsyncClient, AsyncNode, AsyncOperation
-from canaxis.client import Axis, Client, Node, Operation
+from canaxis.asynchronous.axis import AsyncAxis
+from canaxis.asynchronous.client import AsyncClient, AsyncLease
+from canaxis.asynchronous.jog import AsyncJog
+from canaxis.asynchronous.node import AsyncNode
+from canaxis.asynchronous.operation import AsyncOperation
+from canaxis.blocking.axis import Axis
+from canaxis.blocking.client import Client, Lease
+from canaxis.blocking.jog import Jog
+from canaxis.blocking.node import Node
+from canaxis.blocking.operation import Operation
+from canaxis.contract.exchange import Patience
+from canaxis.contract.press import JogStopped
+from canaxis.contract.stream import Sample
 from canaxis.errors import (
     AxisFault,
     BadReply,
@@ -50,17 +61,15 @@ from canaxis.errors import (
     UnknownTerminal,
     WaitTimeout,
 )
-from canaxis.exchange import Patience
-from canaxis.jog import Jog, JogStopped
-from canaxis.lease import AsyncLease, Lease
 from canaxis.obstacles import Action, Obstacle
-from canaxis.replies import AxisSettings, Preview
-from canaxis.stream import Sample
+from canaxis.replies.preview import Preview
+from canaxis.replies.settings import AxisSettings
 
 __all__ = [
     "Action",
     "AsyncAxis",
     "AsyncClient",
+    "AsyncJog",
     "AsyncLease",
     "AsyncNode",
     "AsyncOperation",

@@ -122,11 +122,11 @@ async def test_a_module_that_is_away_is_an_answer_and_no_reason_to_ask_again() -
         assert (away.value.status, away.value.code) == (503, "node_away")
 
 
-@pytest.mark.parametrize("name", ["Client", "Node", "Axis", "Operation"])
+@pytest.mark.parametrize("name", ["Client", "Lease", "Node", "Axis", "Operation", "Jog"])
 def test_both_clients_say_the_same(name: str) -> None:
     one, other = getattr(canaxis, name), getattr(canaxis, f"Async{name}")
-    public = {each for each in vars(one) if not each.startswith("_") and each != "jog"}  # has a thread
-    assert public == {each for each in vars(other) if not each.startswith("_")}
+    public = {each for each in dir(one) if not each.startswith("_")}
+    assert public == {each for each in dir(other) if not each.startswith("_")}
     for each in public:
         plain, awaited = getattr(one, each), getattr(other, each)
         assert inspect.getdoc(awaited) == (inspect.getdoc(plain) or "").replace("`Client", "`AsyncClient")

@@ -22,7 +22,7 @@ from canaxis import (
     Unavailable,
     UnknownNode,
 )
-from canaxis.exchange import Request, asking
+from canaxis.contract.exchange import Request, asking
 from canaxis.replies import AxisStatus, StopState
 
 URL = "http://service.example:8402"

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 
 import pytest
 from test_client_service import url  # noqa: F401 - a fixture
@@ -13,7 +15,16 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from app.http.connections import MAX_MESSAGE
-from canaxis import Client, Forbidden, Leased, NotReady, OperationCancelled, ServiceUnreachable
+from canaxis import (
+    AsyncClient,
+    AsyncJog,
+    Client,
+    Forbidden,
+    Leased,
+    NotReady,
+    OperationCancelled,
+    ServiceUnreachable,
+)
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(120)]
 
@@ -23,6 +34,10 @@ def until(condition: object, within: float = 20.0) -> None:
     while not condition():  # type: ignore[operator]
         assert time.monotonic() < deadline
         time.sleep(0.01)
+
+
+async def seen(condition: Callable[[], bool]) -> None:
+    await asyncio.to_thread(until, condition)
 
 
 def test_hold_release_and_what_ends_a_press(url: str) -> None:  # noqa: F811
@@ -81,6 +96,62 @@ def test_a_jog_under_a_lease_ends_with_it(url: str) -> None:  # noqa: F811
                 with pytest.raises(OperationCancelled):
                     jog.hold(1, "mm")
                 assert not taken.node("stage").axis("x").disable().moving
+
+
+async def test_hold_release_and_what_ends_a_press_in_an_event_loop(url: str) -> None:  # noqa: F811
+    async with AsyncClient(url) as client:
+        axis = client.node("stage").axis("y")
+        async with axis.jog() as jog:
+            await jog.hold(20_000, "steps")
+            await seen(lambda: jog.state == "used_up")
+            with pytest.raises(NotReady):
+                await jog.release()
+            await axis.enable()
+            await jog.hold(20_000, "steps")
+            await seen(lambda: jog.velocity is not None and jog.velocity.steps == 20_000)
+            assert jog.round_trip_ms is not None
+            ended = await jog.release()
+            assert ended is not None
+            assert ended.reason == "released"
+            assert not (await axis.status()).moving
+            await jog.hold(-20_000, "steps")
+            await seen(lambda: jog.velocity is not None and jog.velocity.steps < 0)
+            await axis.stop()
+            await seen(lambda: jog.stopped is not None)
+            with pytest.raises(OperationCancelled):
+                await jog.hold(-20_000, "steps")
+            ended = await jog.release()
+            assert ended is not None
+            assert ended.reason == "stop"
+            await jog.hold(-20_000, "steps")
+        assert not (await axis.status()).moving, "leaving lets go and waits"
+        with pytest.raises(ServiceUnreachable):
+            await jog.hold(20_000, "steps")
+        await axis.disable()
+
+
+async def test_a_task_that_is_cancelled_while_it_holds_lets_go(url: str) -> None:  # noqa: F811
+    jogs: list[AsyncJog] = []
+
+    async def hold_for_ever(client: AsyncClient) -> None:
+        async with client.node("stage").axis("y").jog() as jog:
+            await jog.hold(20_000, "steps")
+            jogs.append(jog)
+            await asyncio.Event().wait()
+
+    async with AsyncClient(url) as client:
+        axis = client.node("stage").axis("y")
+        await axis.enable()
+        holding = asyncio.create_task(hold_for_ever(client))
+        await seen(lambda: bool(jogs) and jogs[0].state == "turning")
+        holding.cancel()
+        await asyncio.wait({holding})
+        assert holding.cancelled()
+        ended = jogs[0].stopped
+        assert ended is not None
+        assert ended.reason == "released", "not by the silence of a connection that was left open"
+        assert not (await axis.status()).moving
+        await axis.disable()
 
 
 def test_no_connection_is_an_error_with_its_reason(url: str) -> None:  # noqa: F811

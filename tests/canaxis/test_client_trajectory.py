@@ -10,8 +10,8 @@ import pytest
 from api_bench import Bench
 
 from canaxis import AsyncClient, Client
-from canaxis.exchange import Request
-from canaxis.path import PathBody, TrajectoryPoint
+from canaxis.contract.exchange import Request
+from canaxis.contract.path import PathBody, TrajectoryPoint
 
 AXES = [("stage", "x", "steps"), (1, 1, "steps")]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from canaxis.calls import OperationCalls
+from canaxis.contract.calls import OperationCalls
+from canaxis.contract.exchange import Exchange, Patience
 from canaxis.errors import CanaxisError, OperationCancelled, WaitTimeout, of_problem
-from canaxis.exchange import Exchange, Patience
 from canaxis.replies import Evidence, OperationStatus
 
 LONG_POLL = 20.0

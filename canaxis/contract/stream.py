@@ -13,10 +13,10 @@ from typing import Any, cast
 
 import httpx
 
-from canaxis.calls import ROOT
+from canaxis.contract.calls import ROOT
+from canaxis.contract.exchange import CONNECT, Patience, Request, from_gateway, look, refusal, unreachable
+from canaxis.contract.reading import read
 from canaxis.errors import BadReply, UnknownAxis
-from canaxis.exchange import CONNECT, Patience, Request, from_gateway, look, refusal, unreachable
-from canaxis.reading import read
 from canaxis.replies import Quantity
 
 QUIET = 45.0

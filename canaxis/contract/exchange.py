@@ -1,7 +1,7 @@
 """A request and its answer, without I/O: what is sent again, when, and how an answer is understood.
 
-An `Exchange` is a generator: it yields what to send and is given what came back. `Client` and `AsyncClient`
-each run it with their own kind of waiting, so that the rules are here once.
+An `Exchange` is a generator: it yields what to send and is given what came back. Both clients run it,
+each with its own kind of waiting, so that the rules are here once.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar, cast
 import httpx
 
 from canaxis import errors
-from canaxis.path import PathBody
-from canaxis.reading import read
+from canaxis.contract.path import PathBody
+from canaxis.contract.reading import read
 
 T = TypeVar("T")
 

@@ -1,0 +1,1 @@
+"""The client for an event loop, and the source of the one for plain Python: see docs/decisions."""

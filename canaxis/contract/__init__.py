@@ -1,0 +1,1 @@
+"""The service's HTTP contract, without I/O and without waiting: what is sent, and what an answer means."""
