@@ -10,6 +10,8 @@ from app.axes.direct import AxisRoute
 from app.axes.schemas import AxisStatusReply
 from app.http.deps import AxisDep
 
+pytestmark = pytest.mark.looptime
+
 CAREFUL = {"Idempotency-Key": "k"}
 """On a request that heeds no key: it changes nothing but the way."""
 

@@ -11,6 +11,8 @@ from api_bench import Bench, EventClient, running
 from app.configuration.configuration import NodeSettings, Settings
 from drivers.sim.terminals import MODE as IO_MODE
 
+pytestmark = pytest.mark.looptime
+
 
 def apply(bench: Bench, terminal: int, *, on: bool) -> None:
     bench.module.apply(lambda module, _: module.terminals.apply(terminal, on))

@@ -13,6 +13,8 @@ from api_bench import Bench, running
 from app.configuration.configuration import Settings, StoreSettings
 from app.store.database import Statement
 
+pytestmark = pytest.mark.looptime
+
 
 def settings(path: Path, **more: object) -> Settings:
     return Settings(store=StoreSettings(file=path, **more))  # pyright: ignore[reportArgumentType]

@@ -12,6 +12,8 @@ from api_bench import Bench, running
 
 from app.configuration.configuration import AxisSettings, NodeSettings, Settings, StoreSettings
 
+pytestmark = pytest.mark.looptime
+
 MM = Settings(
     nodes=(
         NodeSettings(

@@ -13,6 +13,8 @@ from api_bench import Bench, running
 from app.configuration.configuration import Settings
 from drivers.cia301.objects import Address
 
+pytestmark = pytest.mark.looptime
+
 PATH = "/api/v1/nodes/1/axes/x/settings"
 X = {"name": "x", "unit": "mm", "pitch": "5 mm", "velocity": 10, "soft_limits": [0, "120 mm"]}
 
@@ -292,7 +294,8 @@ async def test_what_is_stored_survives_a_power_cycle(bench: Bench) -> None:
     await bench.post("/nodes/1/store", {"what": "all", "confirm": True})
     await bench.post("/settings/rollback", {"revision": 0})
     axis = bench.service.network.node(1).axis(0)
+    lives = axis.lives
     bench.module.power_cycle()
-    await bench.until(lambda: axis.lives > 0)
+    await bench.until(lambda: axis.lives > lives)
     await bench.until_ready()
     assert await held(bench, 0x2003) == 99

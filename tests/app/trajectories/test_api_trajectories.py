@@ -18,6 +18,8 @@ from app.configuration.configuration import Settings
 from app.trajectories import routes
 from drivers.master.together.trajectory_file import PointFile
 
+pytestmark = pytest.mark.looptime
+
 JSON = {"Content-Type": "application/json"}
 CSV = {"Content-Type": "text/csv"}
 AXES = [{"node": 1, "axis": 0, "unit": "steps"}, {"node": "stage", "axis": "y", "unit": "steps"}]

@@ -19,6 +19,8 @@ from drivers.master.node.storing import StoredGroup
 from drivers.master.plan.gearing import Gearing
 from drivers.master.plan.prediction import predict_move
 
+pytestmark = pytest.mark.looptime
+
 
 async def test_the_resolution_of_a_geared_axis_is_written_at_boot_up_and_no_other() -> None:
     geared = AxisConfig("y", unit="mm", gearing=Gearing(400, 16, Fraction(3), Fraction(5000)))
