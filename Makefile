@@ -14,8 +14,12 @@ run: $(VENV)/.run  ## Start a simulated three-axis module and the service; Ctrl-
 	@exec $(BIN)/canaxis demo
 
 .PHONY: test
-test: $(VENV)/.dev  ## Pass every test
-	$(BIN)/pytest -n 2
+test: $(VENV)/.dev  ## Pass every test but the long ones
+	$(BIN)/pytest -n 4 --dist worksteal
+
+.PHONY: test-slow
+test-slow: $(VENV)/.dev  ## Pass the long tests that `make test` leaves out
+	$(BIN)/pytest -n 4 --dist worksteal -m slow
 
 .PHONY: lint
 lint: $(VENV)/.dev  ## Style, types, import rules

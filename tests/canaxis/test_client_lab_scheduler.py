@@ -57,6 +57,7 @@ def test_it_is_thirty_lines_long() -> None:
     assert len([line for line in SCRIPT.splitlines() if line.strip()]) <= 30
 
 
+@pytest.mark.slow
 def test_it_visits_every_well(urls: tuple[str, str]) -> None:
     url, _ = urls
     with start(url) as script:

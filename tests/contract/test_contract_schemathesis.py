@@ -22,6 +22,7 @@ CHECKS = (
 
 
 @pytest.mark.process
+@pytest.mark.slow
 @pytest.mark.timeout(180)
 def test_no_server_error_and_no_undocumented_answer(tmp_path: Path) -> None:
     with simulator_and_service(tmp_path) as (_, _, http):

@@ -5,12 +5,14 @@ Speeds and accelerations are set first: their defaults are 0, and nothing would 
 
 from __future__ import annotations
 
+import itertools
 import struct
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import canopen
 import pytest
+from canopen_kit import connected, join, simulator
 
 pytestmark = pytest.mark.process
 
@@ -67,6 +69,25 @@ class Drive:
         for word, state in ((6, 0x21), (7, 0x23), (15, 0x27)):
             self.control(word)
             self.wait(lambda state=state: self.status & 0x6F == state)
+
+
+@pytest.fixture(scope="module")
+def network() -> Iterator[canopen.Network]:
+    """PyPI canopen on a bus of simulated modules, one for each test: a reset moves no motor back."""
+    with simulator("1-16") as port, connected(port) as network:
+        yield network
+
+
+FRESH = itertools.count(1)
+"""The next module that nobody touched."""
+
+
+@pytest.fixture
+def peer(network: canopen.Network) -> canopen.RemoteNode:
+    """A module as PyPI canopen's master sees it, operational."""
+    node = join(network, next(FRESH))
+    node.nmt.state = "OPERATIONAL"
+    return node
 
 
 @pytest.fixture(params=[0, 1, 2])

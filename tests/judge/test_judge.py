@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from judge_run import run
 
-pytestmark = [pytest.mark.process, pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.process, pytest.mark.slow, pytest.mark.timeout(300)]
 
 
 def test_each_command_is_carried_out_once_ends_right_and_is_never_lost(tmp_path: Path) -> None:

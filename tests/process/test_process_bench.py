@@ -11,7 +11,7 @@ from repository import ROOT
 
 from bench.parts import PARTS
 
-pytestmark = pytest.mark.process
+pytestmark = [pytest.mark.process, pytest.mark.slow]
 
 
 @pytest.mark.timeout(180)

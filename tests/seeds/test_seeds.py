@@ -15,10 +15,14 @@ from seed_run import run
 
 CHUNKS = 18
 SEEDS_IN_A_CHUNK = 5
+QUICK = 3
+"""Chunks that are played each time; the others are among the slow tests."""
 
 
 @pytest.mark.timeout(600)
-@pytest.mark.parametrize("chunk", range(CHUNKS))
+@pytest.mark.parametrize(
+    "chunk", [*range(QUICK), *(pytest.param(n, marks=pytest.mark.slow) for n in range(QUICK, CHUNKS))]
+)
 def test_every_invariant_holds_at_every_instant_of_every_seed(chunk: int) -> None:
     for seed in range(chunk * SEEDS_IN_A_CHUNK, (chunk + 1) * SEEDS_IN_A_CHUNK):
         outcome = run(seed)
