@@ -7,6 +7,7 @@ COPY pyproject.toml README.md LICENSE ./
 COPY app ./app
 COPY drivers ./drivers
 COPY canaxis ./canaxis
+COPY canaxis_command ./canaxis_command
 RUN pip install --no-cache-dir --no-deps --no-build-isolation . \
     && useradd --system --no-create-home canaxis && install -d -o canaxis /var/lib/canaxis
 ENV CANAXIS_STORE__FILE=/var/lib/canaxis/canaxis.db

@@ -79,9 +79,9 @@ format: $(VENV)/.dev  ## Put the source into the house's format
 .PHONY: lock
 lock: $(VENV)/.dev  ## Resolve the dependencies anew, with hashes (needs `uv`)
 	uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
-		--no-emit-index-url --extra build -o requirements.lock pyproject.toml
+		--no-emit-index-url --extra server --extra build -o requirements.lock pyproject.toml
 	uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-annotate --no-header \
-		--no-emit-index-url --extra build --extra dev -o requirements-dev.lock pyproject.toml
+		--no-emit-index-url --extra server --extra build --extra dev -o requirements-dev.lock pyproject.toml
 	echo 'atheris==3.0.0' | uv pip compile -q --universal --python-version 3.11 --generate-hashes \
 		--no-annotate --no-header --no-emit-index-url -o requirements-fuzz.lock -
 

@@ -1,4 +1,4 @@
-"""The command `canaxis`: its subcommands are in `app.commands`, a file each."""
+"""The command `canaxis`: its subcommands are in `app.commands`, a file each. `canaxis_command` starts it."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import sys
 from collections.abc import Generator, Iterable
 from contextlib import contextmanager
 from importlib import import_module
+from importlib.metadata import version
+from typing import Annotated
 
 import typer
 
@@ -35,12 +37,11 @@ def command_line(names: Iterable[str] = COMMANDS) -> typer.Typer:
     """The command with these subcommands. Only their modules are imported: a service needs no simulator."""
     cli = typer.Typer(
         name="canaxis",
-        help="A CANopen master with an HTTP API for stepper axes in a lab.",
         no_args_is_help=True,
         add_completion=False,
         pretty_exceptions_enable=False,
     )
-    cli.callback()(lambda: None)  # else a single subcommand would take the place of the command
+    cli.callback()(canaxis)  # without one, a single subcommand would take the place of the command
     for name in names:
         command = getattr(import_module(COMMANDS[name]), name)
         if isinstance(command, typer.Typer):
@@ -48,6 +49,21 @@ def command_line(names: Iterable[str] = COMMANDS) -> typer.Typer:
         else:
             cli.command(name)(command)
     return cli
+
+
+def _say_version(asked: bool) -> None:
+    if asked:
+        print(f"canaxis {version('canaxis')}")
+        raise typer.Exit
+
+
+def canaxis(
+    version: Annotated[
+        bool,
+        typer.Option("--version", help="Say which version this is.", callback=_say_version, is_eager=True),
+    ] = False,
+) -> None:
+    """A CANopen master with an HTTP API for stepper axes in a lab."""
 
 
 @contextmanager

@@ -65,6 +65,8 @@ from canaxis.obstacles import Action, Obstacle
 from canaxis.replies.preview import Preview
 from canaxis.replies.settings import AxisSettings
 
+__version__ = "0.1.0"
+
 __all__ = [
     "Action",
     "AsyncAxis",
@@ -127,4 +129,5 @@ __all__ = [
     "UnknownPosition",
     "UnknownTerminal",
     "WaitTimeout",
+    "__version__",
 ]

@@ -20,6 +20,7 @@ from app.commands.simulate import LISTENS, PANEL
 from app.configuration.configuration import SettingsError, load_settings
 from app.server import run_server
 from app.service import Service
+from drivers import program
 from drivers.master.seen.status import NodeState
 
 STARTING = 20.0
@@ -76,11 +77,11 @@ def _simulator(port: int, panel_port: int, nodes: list[int]) -> Generator[Simula
     It ends with us whatever happens: it watches its standard input, which closes with our last breath.
     """
     process = subprocess.Popen(
-        [
-            *(sys.executable, "-m", "app", "simulate", "--exit-with-parent"),
+        program.command(
+            *("app", "simulate", "--exit-with-parent"),
             *("--port", str(port), "--panel-port", str(panel_port)),
             *("--nodes", ",".join(map(str, nodes))),
-        ],
+        ),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         bufsize=0,  # or a line might wait in our buffer, where `select` doesn't see it

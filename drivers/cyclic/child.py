@@ -1,4 +1,4 @@
-"""The sender as a process of its own: `python -m drivers.cyclic.child`, started by `drivers.cyclic.process`.
+"""The sender as a process of its own, started by `drivers.cyclic.process`.
 
 It holds no lock that anybody else wants, allocates little and collects no garbage, sleeps until shortly
 before each deadline and waits the rest out awake. Real-time priority is taken where the system grants it

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import sys
 from asyncio.subprocess import PIPE, Process
 from collections.abc import Sequence
 
+from drivers import program
 from drivers.bus.base import Beside
 from drivers.cyclic import messages
 from drivers.cyclic.playback import Row
@@ -36,9 +36,7 @@ class ProcessSender:
         try:
             # A session of its own: an interrupt from the terminal is for the service, which stops the axes.
             self._process = await asyncio.create_subprocess_exec(
-                sys.executable,
-                "-m",
-                "drivers.cyclic.child",
+                *program.command("drivers.cyclic.child"),
                 stdin=PIPE,
                 stdout=PIPE,
                 start_new_session=True,

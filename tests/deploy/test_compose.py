@@ -59,7 +59,7 @@ def test_the_dockerfile_installs_the_locked_dependencies_and_drops_root() -> Non
     assert "--require-hashes -r requirements.lock" in text
     assert "USER canaxis" in text
     copied = {line.split()[1] for line in text.splitlines() if line.startswith("COPY")}
-    for package in ("app", "canaxis", "drivers", "requirements.lock"):
+    for package in ("app", "canaxis", "canaxis_command", "drivers", "requirements.lock"):
         assert package in copied
         assert (ROOT / package).exists()
 
