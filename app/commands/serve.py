@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
+import signal
 import sys
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,6 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from app.commands.logs import configure_logs
+from app.commands.parent import ExitWithParent, watching_parent
 from app.configuration.configuration import SettingsError, default_store, load_settings
 from app.server import run_server
 from app.service import Service
@@ -37,6 +40,7 @@ def serve(
         Path | None, typer.Option(help="SQLite file for operations; else the user's folder for state.")
     ] = None,
     log_format: Annotated[str | None, typer.Option(help="console or json.")] = None,
+    exit_with_parent: ExitWithParent = False,
 ) -> None:
     """Serve the HTTP API for the modules on a CAN bus."""
     bus = {"interface": interface, "channel": channel, "bitrate": bitrate}
@@ -50,13 +54,20 @@ def serve(
         overrides["nodes"] = [parse_node(text) for text in node]  # pyright: ignore[reportArgumentType]
     settings = load_settings(config, overrides).with_store(default_store())
     configure_logs(settings.log)
-    if not run_server(settings, _announce):
+    if not run_server(settings, _announce_to_parent if exit_with_parent else _announce):
         sys.exit(1)
 
 
 async def _announce(service: Service, url: str) -> None:
     del service
     print(f"Canaxis listens on {url}/api/v1 (documentation: {url}/docs)", flush=True)
+
+
+async def _announce_to_parent(service: Service, url: str) -> None:
+    """As `_announce`; the parent's end is to us what SIGTERM is. The server cancels this when it ends."""
+    with watching_parent(lambda: signal.raise_signal(signal.SIGTERM)):
+        await _announce(service, url)
+        await asyncio.Future()
 
 
 def _given(values: dict[str, Any]) -> dict[str, Any]:

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import os
 import re
 import signal
-import sys
 from collections.abc import AsyncGenerator
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
@@ -15,6 +13,7 @@ from typing import Annotated
 
 import typer
 
+from app.commands.parent import ExitWithParent, watching_parent
 from app.configuration.configuration import SettingsError
 from app.panel.server import panel_server
 from drivers.bus.pythoncan import PythonCanBus
@@ -47,9 +46,7 @@ def simulate(
     panel_port: Annotated[
         int | None, typer.Option(help="Serve the fault panel on this port of 127.0.0.1; 0 takes a free one.")
     ] = None,
-    exit_with_parent: Annotated[
-        bool, typer.Option(help="End when standard input ends, as it does when the parent process dies.")
-    ] = False,
+    exit_with_parent: ExitWithParent = False,
 ) -> None:
     """Simulate modules on a CAN bus of their own, served by socketcand, or on a real one."""
     ids = parse_nodes(nodes)
@@ -115,19 +112,7 @@ async def _run(place: contextlib.AbstractAsyncContextManager[str], exit_with_par
     end = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, end.set)
-    if exit_with_parent:
-        loop.add_reader(sys.stdin.fileno(), _on_input, loop, end)
-    try:
+    with watching_parent(end.set) if exit_with_parent else contextlib.nullcontext():
         async with place as where:
             print(f"{LISTENS}{where}", flush=True)
             await end.wait()
-    finally:
-        if exit_with_parent:
-            loop.remove_reader(sys.stdin.fileno())
-
-
-def _on_input(loop: asyncio.AbstractEventLoop, end: asyncio.Event) -> None:
-    """Nothing is ever sent: whatever wakes us up that is no data is the end of the parent."""
-    if not os.read(sys.stdin.fileno(), 4096):
-        loop.remove_reader(sys.stdin.fileno())
-        end.set()

@@ -1,34 +1,51 @@
-"""The shipped fixtures as their users have them: PyPI canopen as the master on `simulated_port`."""
+"""The shipped fixtures as their users have them: PyPI canopen as the master, the service with its client."""
 
 from __future__ import annotations
 
 import queue
-import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import fields
 from importlib.resources import files
 
 import canopen
 import pytest
 
-from drivers.errors import BadValue, BusError, UnknownNode
-from drivers.sim.background import BackgroundStation
-from drivers.sim.panel import COMMANDS
-from drivers.sim.station import Listen, Station
+from canaxis import BadValue, Client, NotFound, UnknownNode
+from canaxis.testing import (
+    AxisState,
+    ModuleState,
+    NotStarted,
+    RunningService,
+    SimulatedPort,
+    WatchState,
+    WireFault,
+    simulate,
+)
+from drivers.sim import snapshot
 
-pytest_plugins = ["drivers.sim.fixtures"]
+pytestmark = pytest.mark.process
+
+pytest_plugins = ["canaxis.testing"]
 
 EDS = str(files("drivers.devices").joinpath("data", "tmcm_3216.eds"))
 
 
-@pytest.fixture
-def network(simulated_port: BackgroundStation) -> Iterator[canopen.Network]:
+@pytest.fixture(scope="module")
+def port() -> Iterator[SimulatedPort]:
+    """One process for all who can share it, as the page says."""
+    with simulate() as port:
+        yield port
+
+
+def joined(port: SimulatedPort) -> canopen.Network:
     network = canopen.Network()
-    network.connect(
-        interface="socketcand",
-        host=simulated_port.host,
-        port=simulated_port.port,
-        channel=simulated_port.channel,
-    )
+    network.connect(interface="socketcand", host=port.host, port=port.port, channel=port.channel)
+    return network
+
+
+@pytest.fixture
+def network(port: SimulatedPort) -> Iterator[canopen.Network]:
+    network = joined(port)
     yield network
     network.disconnect()
 
@@ -39,7 +56,7 @@ def remote(network: canopen.Network, node_id: int) -> canopen.RemoteNode:
     return node
 
 
-def test_canopen_drives_an_axis_of_it(simulated_port: BackgroundStation, network: canopen.Network) -> None:
+def test_canopen_drives_an_axis_of_it(port: SimulatedPort, network: canopen.Network) -> None:
     sdo = remote(network, 1).sdo
     assert sdo["Manufacturer Device Name"].raw == "TMCM-3216"
     for index, value in (
@@ -51,18 +68,16 @@ def test_canopen_drives_an_axis_of_it(simulated_port: BackgroundStation, network
         (0x60FF, 5000),
     ):
         sdo[index].raw = value
-    axis = simulated_port.panel(1).state().axes[0]
+    axis = port.panel(1).state().axes[0]
     assert (axis.state, axis.mode, axis.moving) == ("operation_enabled", "pv", True)
 
 
-def test_what_the_panel_does_canopen_sees(
-    simulated_port: BackgroundStation, network: canopen.Network
-) -> None:
+def test_what_the_panel_does_canopen_sees(port: SimulatedPort, network: canopen.Network) -> None:
     node = remote(network, 1)
-    panel = simulated_port.panel(1)
+    panel = port.panel(1)
     received: queue.Queue[canopen.emcy.EmcyError] = queue.Queue()
     node.emcy.add_callback(received.put)  # `wait` would miss what came before it was called
-    panel.perform("set_temperature", axis=2, celsius=130)
+    assert panel.perform("set_temperature", axis=2, celsius=130).axes[2].temperature == 130
     emergency = received.get(timeout=5)
     assert emergency.code == 0x4310
     assert emergency.data[1] == 2
@@ -72,47 +87,73 @@ def test_what_the_panel_does_canopen_sees(
     node.sdo.RESPONSE_TIMEOUT = 0.1
     with pytest.raises(canopen.SdoCommunicationError):
         node.sdo.upload(0x1000, 0)
-    panel.clear()
+    assert not panel.clear().sdo_mute
     node.sdo.RESPONSE_TIMEOUT = 2
     assert node.sdo.upload(0x1000, 0) == bytes.fromhex("9201fcff")
 
 
-@pytest.mark.parametrize("simulated_nodes", [(3, 4)])
-def test_several_modules_and_what_happens_to_them(
-    simulated_port: BackgroundStation,
-    network: canopen.Network,
-) -> None:
-    third, fourth = remote(network, 3), remote(network, 4)
-    assert [node.sdo[0x1018][4].raw for node in (third, fourth)] == [3, 4]
-    simulated_port.run(lambda station: station.remove(4))
-    fourth.sdo.RESPONSE_TIMEOUT = 0.1
-    with pytest.raises(canopen.SdoCommunicationError):
-        fourth.sdo.upload(0x1000, 0)
-    assert third.sdo[0x1000].raw == 0xFFFC0192
+def test_what_can_not_be_done_is_told_as_the_client_does(port: SimulatedPort) -> None:
+    panel = port.panel()
+    with pytest.raises(NotFound, match=r"no command 'explode'.*press_switch"):
+        panel.perform("explode")
+    with pytest.raises(BadValue, match="one of negative, positive, home"):
+        panel.perform("press_switch", axis=0, switch="left")
     with pytest.raises(UnknownNode, match="node ID 4"):
-        simulated_port.panel(4).state()
+        port.panel(4).state()
+    assert panel.perform("drop_frames", cob_id=0x701, count=3).wire_faults == (
+        WireFault("drop", 0x701, 0, 3),
+    )
+    assert panel.clear().wire_faults == ()
 
 
-def test_calls_run_in_the_modules_own_thread(simulated_port: BackgroundStation) -> None:
-    there = simulated_port.call(lambda station: (threading.current_thread().name, list(station.nodes)))
-    assert there == ("simulated modules", [1])
-    assert simulated_port.panel().commands == tuple(COMMANDS)
-    with pytest.raises(BadValue, match="no command 'explode'"):
-        simulated_port.panel().perform("explode")
+@pytest.mark.parametrize("simulated_nodes", [(3, 4)])
+def test_several_modules_and_what_happens_to_them(simulated_port: SimulatedPort) -> None:
+    network = joined(simulated_port)
+    try:
+        third, fourth = remote(network, 3), remote(network, 4)
+        assert [node.sdo[0x1018][4].raw for node in (third, fourth)] == [3, 4]
+        assert not simulated_port.panel(4).perform("power_off").powered
+        fourth.sdo.RESPONSE_TIMEOUT = 0.1
+        with pytest.raises(canopen.SdoCommunicationError):
+            fourth.sdo.upload(0x1000, 0)
+        assert third.sdo[0x1000].raw == 0xFFFC0192
+        assert simulated_port.panel(3).state().powered
+    finally:
+        network.disconnect()
 
 
-async def test_the_memory_wire_serves_asyncio_tests(simulated_module) -> None:
-    async with simulated_module((1, 2)) as station:
-        assert [panel.state().nmt_state for panel in station.panels.values()] == ["pre_operational"] * 2
+class TestService:
+    @pytest.fixture
+    def canaxis_settings(self) -> Mapping[str, object]:
+        axes = [{"name": "x", "unit": "mm", "pitch": "4 mm"}]
+        return {"nodes": [{"id": 1, "name": "table", "axes": axes}]}
+
+    def test_a_service_moves_what_the_panel_sees(
+        self, canaxis_service: RunningService, simulated_port: SimulatedPort
+    ) -> None:
+        axis = canaxis_service.client.node("table").axis("x")
+        axis.enable()
+        axis.move(0.5, "mm").wait(timeout=30)
+        assert simulated_port.panel(1).state().axes[0].position == 51_200 * 0.5 / 4
+        with Client(canaxis_service.url) as another:
+            assert another.node(1).axis(0).status().position.value == 0.5
+        assert "Canaxis listens on" in canaxis_service.output
 
 
-def test_a_station_that_can_not_start_says_why_and_leaves_no_thread() -> None:
-    before = threading.active_count()
-    with BackgroundStation() as first:
+def test_what_does_not_start_says_why() -> None:
+    told = "canaxis simulate ended: canaxis: --model TMCM-1: known are TMCM-3216"
+    with pytest.raises(NotStarted, match=told), simulate(model="TMCM-1"):
+        pytest.fail("there is no such model")
 
-        def taken(_: Listen) -> Station:
-            return Station(listen=Listen(port=first.port))
 
-        with pytest.raises(BusError, match="can't listen on"), BackgroundStation(taken):
-            pytest.fail("two servers on one port")
-    assert threading.active_count() == before
+@pytest.mark.parametrize(
+    ("ours", "simulators"),
+    [
+        (ModuleState, snapshot.ModuleSnapshot),
+        (AxisState, snapshot.AxisSnapshot),
+        (WatchState, snapshot.WatchSnapshot),
+        (WireFault, snapshot.WireFaultSnapshot),
+    ],
+)
+def test_a_state_has_every_field_of_the_simulators(ours: type, simulators: type) -> None:
+    assert [field.name for field in fields(ours)] == [field.name for field in fields(simulators)]

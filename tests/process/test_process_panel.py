@@ -23,6 +23,7 @@ from drivers.sim.panel import COMMANDS
 pytestmark = pytest.mark.process
 
 GUIDE = ROOT / "docs" / "testing-with-the-simulator.md"
+GUIDED = ("port", "faults", "service", "shared", "wire")
 CANAXIS = (sys.executable, "-m", "app")
 PYTEST = (sys.executable, "-m", "pytest", "-q", "-W", "error", "-p", "no:cacheprovider", "-c", os.devnull)
 
@@ -134,7 +135,7 @@ def test_what_a_user_can_mend_is_told_in_a_line(arguments: tuple[str, ...], told
 
 def test_the_guide_runs_as_it_is_printed(tmp_path: Path) -> None:
     files = dict(re.findall(r'^```python title="([a-z_]+\.py)"\n(.*?)^```$', GUIDE.read_text(), re.M | re.S))
-    assert set(files) == {"conftest.py", "test_port.py", "test_faults.py", "test_wire.py"}
+    assert set(files) == {"conftest.py", *(f"test_{name}.py" for name in GUIDED)}
     for name, text in files.items():
         tmp_path.joinpath(name).write_text(text)
     tests = subprocess.run(
