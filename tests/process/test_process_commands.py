@@ -155,10 +155,30 @@ def test_the_service_starts_before_its_bus_and_finds_it(tmp_path: Path) -> None:
                 until_ready(http)
 
 
+def started_with(sighup: str) -> tuple[str, str]:
+    """`canaxis` as a program whose parent left it this disposition of SIGHUP, whatever ours is."""
+    return (
+        "-c",
+        f"import signal; signal.signal(signal.SIGHUP, signal.{sighup}); import app.cli; app.cli.main()",
+    )
+
+
 def test_a_closed_terminal_ends_it_as_ctrl_c_does(tmp_path: Path) -> None:
-    with Running(tmp_path, "serve", "--option", "port=9", "--port", "0") as service:
+    program = started_with("SIG_DFL")
+    with Running(tmp_path, "serve", "--option", "port=9", "--port", "0", program=program) as service:
         service.until(r"http://127\.0\.0\.1:\d+/api/v1")
         service.signal(signal.SIGHUP)
+        assert service.ended() == 0, service.text
+
+
+def test_under_nohup_it_outlives_its_terminal(tmp_path: Path) -> None:
+    program = started_with("SIG_IGN")
+    with Running(tmp_path, "serve", "--option", "port=9", "--port", "0", program=program) as service:
+        url = service.until(r"(http://127\.0\.0\.1:\d+)/api/v1")[1]
+        service.signal(signal.SIGHUP)
+        assert httpx.get(f"{url}/livez").status_code == 200
+        assert "shutting down" not in service.text
+        service.signal(signal.SIGTERM)
         assert service.ended() == 0, service.text
 
 
