@@ -23,7 +23,7 @@ def library(name: str) -> Any:
         return importlib.import_module(name)
     except ImportError as error:
         raise CanaxisError(
-            "Jogging needs the package websockets, which is not installed.", hint="pip install websockets"
+            "Jogging needs the package websockets, which is not installed.", hint="pip install 'canaxis[jog]'"
         ) from error
 
 

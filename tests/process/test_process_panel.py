@@ -133,6 +133,7 @@ def test_what_a_user_can_mend_is_told_in_a_line(arguments: tuple[str, ...], told
     assert "Traceback" not in ended.stderr
 
 
+@pytest.mark.timeout(240)
 def test_the_guide_runs_as_it_is_printed(tmp_path: Path) -> None:
     files = dict(re.findall(r'^```python title="([a-z_]+\.py)"\n(.*?)^```$', GUIDE.read_text(), re.M | re.S))
     assert set(files) == {"conftest.py", *(f"test_{name}.py" for name in GUIDED)}
@@ -143,7 +144,7 @@ def test_the_guide_runs_as_it_is_printed(tmp_path: Path) -> None:
         env=os.environ | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=200,
         check=False,
         cwd=tmp_path,
     )
