@@ -21,6 +21,10 @@ test: $(VENV)/.dev  ## Pass every test but the long ones
 test-slow: $(VENV)/.dev  ## Pass the long tests that `make test` leaves out
 	$(BIN)/pytest -n 4 --dist worksteal -m slow
 
+.PHONY: installed
+installed: $(VENV)/.dev  ## Install the wheel in empty environments, follow the Dockerfile, try what is there
+	$(BIN)/pytest -n 2 --dist loadgroup -m installed tests/deploy
+
 .PHONY: lint
 lint: $(VENV)/.dev  ## Style, types, import rules
 	$(BIN)/ruff check .

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
+import tomllib
+from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
+from dockerfile_parse import DockerfileParser
 from repository import ROOT
+from typer.testing import CliRunner
 
+from app.cli import command_line
 from app.configuration.configuration import Settings, load_settings
 
 TOKEN = "0f1e2d3c4b5a69788796a5b4c3d2e1f0"
@@ -55,19 +61,38 @@ def test_the_environment_of_the_service_makes_settings_that_reach_the_simulator(
 
 
 def test_the_dockerfile_installs_the_locked_dependencies_and_drops_root() -> None:
-    text = (ROOT / "Dockerfile").read_text()
-    assert "--require-hashes -r requirements.lock" in text
-    assert "USER canaxis" in text
-    copied = {line.split()[1] for line in text.splitlines() if line.startswith("COPY")}
+    steps = dockerfile()
+    assert any("--require-hashes -r requirements.lock" in value for value in steps["RUN"])
+    assert steps["USER"] == ["canaxis"]
+    copied = {source for value in steps["COPY"] for source in value.split()[:-1]}
     for package in ("app", "canaxis", "canaxis_command", "drivers", "requirements.lock"):
         assert package in copied
         assert (ROOT / package).exists()
 
 
+def test_what_the_image_and_the_compose_file_start_are_commands_of_ours(services: dict[str, Any]) -> None:
+    steps = dockerfile()
+    scripts = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
+    ((program,), command) = json.loads(steps["ENTRYPOINT"][-1]), json.loads(steps["CMD"][-1])
+    assert program in scripts
+    for arguments in (command, *(service["command"] for service in services.values())):
+        # `--help` is heeded once the rest is understood: an option that the command doesn't have is refused.
+        done = CliRunner().invoke(command_line([arguments[0]]), [*arguments, "--help"])
+        assert done.exit_code == 0, done.output
+
+
+def dockerfile() -> dict[str, list[str]]:
+    """The values of each kind of instruction, in their order."""
+    found: dict[str, list[str]] = defaultdict(list)
+    for step in DockerfileParser(path=str(ROOT / "Dockerfile")).structure:
+        found[step["instruction"]].append(step["value"])
+    return found
+
+
 def test_docker_reads_the_compose_file_where_docker_is() -> None:
     probe = ["docker", "compose", "version"]
     if shutil.which("docker") is None or subprocess.run(probe, capture_output=True, check=False).returncode:
-        return  # its content is held by the tests above; without Docker's own reader there is nothing to add
+        pytest.skip("there is no `docker compose` here (test_installed_image.py plays both services without)")
     result = subprocess.run(
         ["docker", "compose", "config", "--quiet"],
         cwd=ROOT,
