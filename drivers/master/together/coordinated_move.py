@@ -57,6 +57,8 @@ class GroupMotion(Undertaking):
         """The common time, once it is known from where the axes stand."""
         self._backbone = axes[0].backbone
         self._at_least = at_least
+        self._has_sync = False
+        """Whether it is this group that starts by the SYNC now: another may have it under the same name."""
         self._verdict: tuple[MotionState, CanaxisError] | None = None
         self._over = asyncio.Event()
         self._lives = False
@@ -108,7 +110,7 @@ class GroupMotion(Undertaking):
         if self._verdict is not None or self.done:
             return
         self._verdict = state, error
-        if self._backbone.sync.user == SYNC_USER:
+        if self._has_sync:
             self._backbone.sync.withdraw()
         for axis in self.axes:
             if axis.motion is self:
@@ -154,7 +156,7 @@ class GroupMotion(Undertaking):
             self._abort(MotionState.FAILED, MotionFailed(f"The service failed: {bug!r}."))
             self._backbone.report_bug(bug)
         finally:
-            self._backbone.sync.release(SYNC_USER)
+            self._release_sync()
         try:
             await self._explain()
             await asyncio.gather(*(axis.stands() for axis in self.axes), return_exceptions=True)
@@ -237,7 +239,7 @@ class GroupMotion(Undertaking):
                 hint="A frame was lost or another master sends SYNCs: see GET /api/v1/bus. Then move again.",
                 **late[0].tools.where,
             )
-        self._backbone.sync.release(SYNC_USER)
+        self._release_sync()
         for member in moving:
             member.lower_set_point()
         late = await self._wait_for(moving, lambda member: member.arrived, self._bound)
@@ -253,6 +255,7 @@ class GroupMotion(Undertaking):
         while sync.user == SYNC_USER:  # noqa: ASYNC110 - another start takes some milliseconds
             await asyncio.sleep(_TURN)
         sync.claim(SYNC_USER)
+        self._has_sync = True
         for member in moving:
             member.prepare_target()
         sync.send()
@@ -272,6 +275,11 @@ class GroupMotion(Undertaking):
         self._started_at = asyncio.get_running_loop().time()
         sync.send()
         self.begin()
+
+    def _release_sync(self) -> None:
+        if self._has_sync:
+            self._has_sync = False
+            self._backbone.sync.release(SYNC_USER)
 
     async def _wait_for(
         self, members: Sequence[Member], event: Callable[[Member], asyncio.Event], seconds: float

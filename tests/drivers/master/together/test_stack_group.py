@@ -11,7 +11,7 @@ from stack_kit import AXES, Stack, stack_of, until
 from drivers.bus.frame import Frame
 from drivers.cia402.power import PowerState
 from drivers.errors import AxisBusy, BadValue, NotReady
-from drivers.master import AxisConfig, MotionState, MoveRequest, VelocityRequest
+from drivers.master import AxisConfig, HomeRequest, MotionState, MoveRequest, VelocityRequest
 from drivers.master.together.coordinated_move import GroupMotion
 
 pytestmark = pytest.mark.looptime
@@ -196,6 +196,27 @@ async def test_what_prevents_any_axis_prevents_all_and_each_is_named(stack) -> N
         stack.network.move_together([(axes[0], MoveRequest(1)), (axes[0], MoveRequest(2))])
 
 
+async def test_an_axis_that_must_be_homed_takes_part_by_a_relative_way_only() -> None:
+    async with stack_of(1, axes=(AxisConfig(name="x", require_homing=True), *AXES[1:])) as stack:
+        x, y, _ = await stack.enabled()
+        watch = Watch(stack)
+        with pytest.raises(NotReady, match="not homed"):
+            go(stack, 1000, 2000)
+        running = y.move_to(MoveRequest(90_000))
+        with pytest.raises(NotReady, match="not homed"):
+            go(stack, 1000, 2000, replace=True)
+        await running.wait(30)
+        assert running.state is MotionState.SUCCEEDED
+        assert not watch.turned(1, 0)
+        by_ways = [(x, MoveRequest(700, relative=True)), (y, MoveRequest(-500, relative=True))]
+        assert await stack.network.move_together(by_ways).wait(30)
+        assert [x.status.position, y.status.position] == [700, 89_500]
+        await x.home(HomeRequest(method=35)).wait(30)
+        group = go(stack, 1000, 2000)
+        await group.wait(30)
+        assert group.state is MotionState.SUCCEEDED, group.error
+
+
 async def test_a_second_command_replaces_what_the_axes_do_if_it_says_so(stack) -> None:
     axes = await stack.enabled()
     running = axes[2].move_to(MoveRequest(300_000))
@@ -373,3 +394,32 @@ async def test_while_somebody_has_the_sync_for_long_no_group_starts(stack) -> No
     stack.node.backbone.sync.claim("a trajectory")
     with pytest.raises(NotReady, match="in use by a trajectory"):
         go(stack, 1, 2, 3)
+
+
+@pytest.mark.parametrize("stopped", [None, 0, 1])
+async def test_groups_begun_at_once_start_each_on_a_sync_of_its_own(stopped: int | None) -> None:
+    """However close the second and the third come, also if one of them is stopped meanwhile."""
+    async with stack_of(1, 2) as stack:
+        await stack.ready()
+        nodes = [stack.network.nodes[number].axes for number in (1, 2)]
+        await asyncio.gather(*(axis.enable() for axes in nodes for axis in axes))
+        watch, loop, way = Watch(stack), asyncio.get_running_loop(), 900
+        syncs: list[float] = []
+        stack.wire.tap(lambda _, f: syncs.append(loop.time()) if f.cob_id == SYNC else None)
+        for quarters in range(24):  # of a millisecond
+            way, groups = -way, []
+            for number in range(3):
+                pair = [(axes[number], MoveRequest(way, relative=True)) for axes in nodes]
+                groups.append(stack.network.move_together(pair))
+                await asyncio.sleep(quarters / 4000)
+            if stopped is not None:
+                await groups.pop(stopped).cancel()
+            begun: list[float] = []
+            for group in groups:
+                await group.wait(30)
+                assert group.state is MotionState.SUCCEEDED, (quarters, group.error)
+                starts, _ = watch.last(*((axis.node.node_id, axis.number) for axis in group.axes))
+                assert starts[0] == starts[1], quarters
+                begun.append(starts[0])
+            assert len(set(begun)) == len(groups), quarters
+            assert set(begun) <= set(syncs)
