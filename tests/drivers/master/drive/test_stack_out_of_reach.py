@@ -8,7 +8,7 @@ import contextlib
 import pytest
 from stack_kit import Stack, stack_of, until
 
-from drivers.bus.faults import cob_id
+from drivers.bus.faults import Predicate, cob_id
 from drivers.bus.frame import Frame
 from drivers.cia301.objects import Address
 from drivers.cia402.power import PowerState
@@ -278,16 +278,44 @@ async def test_a_write_whose_answer_is_lost_fails_the_move_before_it_begins_and_
     assert await stack.node.read(Address(0x6081)) == 4321
 
 
+def _halts(frame: Frame) -> bool:
+    return frame.cob_id == 0x201 and frame.data[1] & 1 == 1
+
+
 async def test_a_stop_gets_through_where_no_halt_does(stack) -> None:
     axis = (await stack.enabled())[0]
     axis.move_to(MoveRequest(500_000))
     await asyncio.sleep(1)
     # Every halt is lost, and nothing else: only a quick stop is left.
-    stack.wire.faults.drop(lambda frame: frame.cob_id == 0x201 and frame.data[1] & 1 == 1)
+    stack.wire.faults.drop(_halts)
     with pytest.raises(MotionTimeout, match="quick stop"):
         await axis.stop()
     assert not stack.modules[1].module.axes[0].moving
     assert axis.status.state is PowerState.SWITCH_ON_DISABLED
+
+
+@pytest.mark.parametrize(("lost", "deceleration", "says", "turns"), [
+    (_halts, 100_000, "a quick stop ended it", False),
+    (cob_id(0x201), 100_000, "not seen to stand after a quick stop", True),
+    (cob_id(), 4_000, "not seen to stand in time", True),  # a ramp longer than the report waits
+], ids=["halts", "commands", "nothing"])  # fmt: skip
+async def test_a_stop_for_everything_says_stopped_of_no_axis_that_its_halt_did_not_stop(
+    stack, lost: Predicate, deceleration: int, says: str, turns: bool
+) -> None:
+    axes = await stack.enabled()
+    axes[0].move_to(MoveRequest(5_000_000, velocity=60_000, deceleration=deceleration))
+    axes[1].move_to(MoveRequest(500_000))
+    await asyncio.sleep(2)
+    stack.wire.faults.drop(lost)
+    report = await stack.network.stop_all("a test")
+    assert not report.complete
+    assert [(line.axis, line.outcome) for line in report.axes] == [
+        (0, StopOutcome.FAILED),
+        (1, StopOutcome.STOPPED),
+        (2, StopOutcome.STOPPED),
+    ]
+    assert says in report.axes[0].message
+    assert stack.modules[1].module.axes[0].moving is turns
 
 
 async def test_a_halt_that_was_not_followed_up_is_not_released_into_the_old_set_point(stack) -> None:

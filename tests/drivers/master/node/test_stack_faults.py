@@ -20,6 +20,7 @@ from drivers.errors import (
     AxisFault,
     BusDown,
     BusOverflow,
+    CanaxisError,
     GuardedObject,
     NodeAway,
     NotReady,
@@ -338,6 +339,39 @@ async def test_two_nodes_with_one_id_are_noticed_and_not_written_to() -> None:
             with pytest.raises(NodeAway, match="duplicate"):
                 await stack.axes[0].enable()
             await stack.network.close()
+
+
+@pytest.mark.parametrize("shown_by", ["its boot-up", "its answers"])
+async def test_what_turns_is_halted_when_a_second_node_has_its_id(stack, shown_by: str) -> None:
+    axes = await stack.enabled()
+    move = axes[0].move_to(MoveRequest(2_000_000))
+    await axes[1].run_at(VelocityRequest(30_000)).wait(10)
+    first, second = stack.modules[1].module, stack.add_module(1)
+    second.faults.no_boot_up = shown_by == "its answers"
+    async with second:
+        with contextlib.suppress(CanaxisError):
+            while shown_by == "its answers":
+                await stack.node.read(Address(0x1000))
+                await stack.node.read(Address(0x1001))
+        await until(lambda: stack.node.state is NodeState.DUPLICATE, 2)
+        assert move.state is MotionState.FAILED
+        await until(lambda: not any(axis.moving for axis in first.axes), 2)
+        assert first.axes[0].state is PowerState.OPERATION_ENABLED, (
+            "a halt, not what the module does by itself"
+        )
+        await stack.network.close()
+
+
+async def test_what_turns_is_halted_where_a_master_that_restarts_finds_two_nodes_with_its_id() -> None:
+    async with stack_of(1) as stack:
+        axes = await stack.enabled()
+        await axes[0].run_at(VelocityRequest(30_000)).wait(10)
+        await stack.master_dies()
+        first, second = stack.modules[1].module, stack.add_module(1)
+        async with second, Network(stack.port, stack.network.config, Catalog.load()) as restarted:
+            await until(lambda: restarted.node(1).state is NodeState.DUPLICATE, 2)
+            await until(lambda: not first.axes[0].moving, 2)
+            assert first.axes[0].state is PowerState.OPERATION_ENABLED
 
 
 async def test_another_master_with_our_id_is_told(stack) -> None:

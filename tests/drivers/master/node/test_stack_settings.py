@@ -74,6 +74,19 @@ async def test_other_settings_are_written_read_back_and_gone_by_at_once(stack: S
     assert motion.state is MotionState.SUCCEEDED
 
 
+@pytest.mark.looptime
+async def test_a_move_has_the_speed_asked_of_it_whatever_settings_were_written_before(stack: Stack) -> None:
+    axis = (await stack.enabled())[0]
+    speeds: list[int] = []
+    stack.wire.tap(lambda _, frame: speeds.append(abs(axis.status.velocity or 0)))
+    for usual, asked in ((60_000, 30_000), (12_000, 30_000), (48_000, 30_000), (24_000, None)):
+        await reconfigure({axis: replace(axis.config, velocity=usual)}, kept)
+        speeds.clear()
+        motion = axis.move_to(MoveRequest(60_000, relative=True, velocity=asked))
+        assert await motion.wait(10)
+        assert (motion.state, max(speeds)) == (MotionState.SUCCEEDED, asked or usual)
+
+
 async def test_limits_and_start_velocities_cross_over_without_passing_each_other(stack: Stack) -> None:
     axis = stack.axes[0]
     for limits, start, end in (
