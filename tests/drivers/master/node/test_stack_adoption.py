@@ -9,7 +9,8 @@ from stack_kit import AXES, Stack, stack_of, until
 
 from drivers.bus.frame import Frame
 from drivers.cia301 import cob
-from drivers.cia301.nmt import NmtCommand
+from drivers.cia301.nmt import NmtCommand, NmtState
+from drivers.cia301.objects import Address
 from drivers.cia402.modes import Mode
 from drivers.cia402.power import PowerState
 from drivers.devices.catalog import Catalog
@@ -89,6 +90,32 @@ async def test_what_runs_is_adopted_goes_on_and_can_be_stopped_then_claimed(mode
             motion = axis.move_to(MoveRequest(100, relative=True))
             await until(lambda: motion.done)
             assert motion.state is MotionState.SUCCEEDED, motion.error
+
+
+@pytest.mark.parametrize(
+    ("write", "differs"),
+    [("2B 01 18 05 07 00 00 00", Address(0x1801, 5)), ("2F 02 14 02 FE 00 00 00", Address(0x1402, 2))],
+    ids=["an event timer", "a transmission type"],
+)
+async def test_a_node_whose_pdos_must_be_put_right_while_it_turns_never_leaves_operational(
+    write: str, differs: Address
+) -> None:
+    """Outside NMT Operational no module looks for our heartbeat: a motor would outlive its master."""
+    async with stack_of(1) as stack:
+        axes = await stack.enabled()
+        await axes[0].run_at(VelocityRequest(30_000)).wait(10)
+        await stack.master_dies()
+        stack.wire.inject(Frame(0x601, bytes.fromhex(write)))
+        module, states = stack.modules[1].module, set[NmtState]()
+        stack.wire.tap(lambda _, frame: states.add(module.nmt_state))
+        async with Network(stack.port, stack.network.config, Catalog.load()) as second:
+            await until(lambda: second.ready)
+            changes = [change.address for step in second.node(1).boot_log.steps for change in step.changes]
+            assert differs in changes
+            assert module.axes[0].moving
+            assert states == {NmtState.OPERATIONAL}
+            await second.node(1).axes[0].stop()
+            assert not module.axes[0].moving
 
 
 async def test_a_late_heartbeat_takes_the_claim_of_what_moved(stack) -> None:
