@@ -24,7 +24,7 @@ from drivers.errors import BadValue, CanaxisError, MotionFailed
 from drivers.master.axis.axis import Axis
 from drivers.master.axis.errands import ErrandName
 from drivers.master.axis.readiness import AxisCommand
-from drivers.master.motions.motion import MotionKind
+from drivers.master.motions.motion import MotionKind, MotionState
 from drivers.master.plan.prediction import Prediction
 from drivers.master.together import trajectory_axis
 from drivers.master.together.joint import Joint, require_ready
@@ -260,11 +260,14 @@ class Trajectory(Joint):
         }
 
     async def _clear_up(self) -> None:
-        """Let go of the sender and of the SYNC; a set point that still waits in a module is made harmless."""
-        silent = self._sender.report.phase is not Phase.STANDING
+        """Let go of the sender and of the SYNC; a set point that still waits in a module is made harmless.
+
+        Unless the axes were seen to stand at the path's end, one may wait even where every SYNC was sent: in
+        a node that did not hear the last of them.
+        """
         await self._sender.close()
         try:
-            if silent and self.started is not None:
+            if self.state is not MotionState.SUCCEEDED and self.started is not None:
                 for axis in self.axes:
                     axis.tools.drive.note_prepared()
                 with contextlib.suppress(TimeoutError):

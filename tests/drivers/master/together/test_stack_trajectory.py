@@ -14,7 +14,7 @@ from drivers.bus.frame import Frame
 from drivers.cia402.modes import Mode
 from drivers.cia402.power import PowerState
 from drivers.errors import AxisBusy, MotionFailed, NodeAway, NotReady
-from drivers.master import MoveRequest
+from drivers.master import MoveRequest, NodeState
 from drivers.master.axis.axis import Axis
 from drivers.master.motions.motion import MotionState
 from drivers.master.together.trajectory import Trajectory, TrajectoryRequest, begin_trajectory
@@ -252,6 +252,28 @@ async def test_a_row_that_waits_behind_a_short_gap_of_the_bus_is_made_harmless_b
 
 
 @pytest.mark.looptime
+async def test_a_row_that_waits_in_a_node_out_of_reach_is_owed_until_the_node_is_back(stack: Stack) -> None:
+    axes = await stack.enabled()
+    trajectory = follow(axes, points_of(*WAYS))
+    await until(lambda: trajectory.state is MotionState.RUNNING)
+    await asyncio.sleep(0.5)
+    stack.wire.faults.drop(lambda frame: frame.cob_id != 0x77F)  # its stub is cut; our heartbeat gets through
+    await until(lambda: stack.node.state is NodeState.LOST)
+    sync = axes[0].backbone.sync
+    assert trajectory.state is MotionState.FAILED
+    await until(lambda: sync.user is None, 60)
+    assert {obstacle.code for obstacle in sync.obstacles()} == {"set_point_waits"}
+    places = motors(stack)
+    stack.wire.faults.clear()
+    await stack.ready()
+    await until(lambda: not sync.obstacles())
+    stack.wire.inject(Frame(0x080, b""))
+    await asyncio.sleep(1)
+    assert motors(stack) == places
+    assert all(axis.status.state is PowerState.OPERATION_ENABLED for axis in axes), "it did not fault instead"
+
+
+@pytest.mark.looptime
 async def test_lost_set_points_and_syncs_are_made_good_by_the_next(stack: Stack) -> None:
     axes = await stack.enabled()
     trajectory = follow(axes, points_of(*WAYS))
@@ -348,6 +370,7 @@ async def test_a_node_that_goes_brings_the_axes_of_the_others_to_rest_on_the_pat
         await asyncio.sleep(2)
         assert motor.position(loop.time()) == place
         assert stays.status.state is PowerState.OPERATION_ENABLED
+        stack.modules[2].faults.clear()  # nobody can tell what a node that doesn't come back has waiting
         await until(lambda: not stays.backbone.sync.obstacles(), 60)
 
 
