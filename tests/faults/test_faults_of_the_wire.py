@@ -16,6 +16,7 @@ from fault_kit import (
     node_is,
     reasons,
     refusal,
+    sent_to,
     truly_moving,
     truly_state,
 )
@@ -118,10 +119,14 @@ async def test_a_stop_has_a_way_of_its_own_past_a_full_transmit_queue(bench: Ben
     with contextlib.suppress(BusOverflow):
         while True:
             bench.master_port.send(Frame(0x7E5, bytes(8)))
+    halt = bench.service.network.node(1).axis(0).pdos.power.cob_id
+    sent = sent_to(bench, halt, 0x7E5)
     stop = asyncio.create_task(bench.post("/nodes/1/axes/0/stop"))
     await asyncio.sleep(0.01)
     bench.master_port.release()
     assert (await stop).json()["moving"] is False
+    assert len(sent) > 200
+    assert sent[0].cob_id == halt
     assert not truly_moving(bench)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+from collections.abc import Callable
 
 import pytest
 from stack_kit import stack_of, until
@@ -27,9 +28,11 @@ from drivers.errors import (
     SdoTimeout,
 )
 from drivers.master import (
+    Axis,
     AxisCommand,
     Failsafe,
     HomeRequest,
+    Motion,
     MotionState,
     MoveRequest,
     Network,
@@ -381,18 +384,31 @@ async def test_another_master_with_our_id_is_told(stack) -> None:
     assert subscription.take().kind == "bus"
 
 
-async def test_a_stop_gets_through_a_full_transmit_queue(stack) -> None:
+@pytest.mark.parametrize("begin", [
+    lambda axis: axis.move_to(MoveRequest(500_000)),
+    lambda axis: axis.run_at(VelocityRequest(30_000)),
+    lambda axis: axis.home(HomeRequest(method=17)),
+], ids=["move", "velocity", "homing"])  # fmt: skip
+@pytest.mark.parametrize("command", ["stop", "quick_stop", "disable"])
+async def test_what_ends_a_motion_goes_past_all_that_waits_in_a_full_transmit_queue(
+    stack, begin: Callable[[Axis], Motion], command: str
+) -> None:
     axis = (await stack.enabled())[0]
-    axis.move_to(MoveRequest(500_000))
+    begin(axis)
     await asyncio.sleep(1)
     stack.port.hold()
     with contextlib.suppress(BusOverflow):
         while True:
             stack.port.send(Frame(0x7E5, bytes(8)))
-    stop = asyncio.create_task(axis.stop())
+    sent: list[int] = []
+    stack.wire.tap(lambda sender, frame: sent.append(frame.cob_id) if sender == stack.port.name else None)
+    ending = asyncio.create_task(getattr(axis, command)())
     await asyncio.sleep(0.01)
     stack.port.release()
-    await stop
+    await ending
+    commands = (axis.pdos.power.cob_id, axis.pdos.velocity.cob_id)
+    assert sent.count(0x7E5) > 200
+    assert min(sent.index(one) for one in commands if one in sent) < sent.index(0x7E5)
     assert not stack.modules[1].module.axes[0].moving
 
 
