@@ -10,6 +10,7 @@ import signal
 import pytest
 
 from drivers.bus.base import Beside
+from drivers.cyclic.playback import Cause
 from drivers.cyclic.process import ProcessSender
 from drivers.cyclic.sender import CyclePlan, Phase, Track
 
@@ -17,6 +18,7 @@ pytestmark = [pytest.mark.process, pytest.mark.timeout(60)]
 
 SPEED, BRAKING = 20.0, 1.0
 """Steps, and steps less, a cycle."""
+ROWS, RESERVE = 1000, 20
 
 
 class Wire:
@@ -49,11 +51,11 @@ class Wire:
 
 
 async def started(wire: Wire, port: int) -> ProcessSender:
-    plan = CyclePlan(0.005, (0.0,), (Track(0x500, b"\x0f\x00", BRAKING),), 20, 400)
+    plan = CyclePlan(0.005, (0.0,), (Track(0x500, b"\x0f\x00", BRAKING),), RESERVE, ROWS)
     sender = ProcessSender(plan, Beside("socketcand", "can0", "127.0.0.1", port), lambda: None)
     await sender.open()
-    speeds = [min(SPEED, number * BRAKING) for number in range(1, 301)]
-    sender.feed([(sum(speeds[:number]),) for number in range(1, 301)])
+    speeds = [min(SPEED, number * BRAKING) for number in range(1, ROWS + 1)]
+    sender.feed([(place,) for place in itertools.accumulate(speeds)])
     sender.go()
     return sender
 
@@ -70,9 +72,13 @@ async def test_a_sender_whose_service_died_comes_to_rest_on_the_path_and_ends() 
         process.stdin.close()  # as the end of the service does
         assert await process.wait() == 0
         await wire.gone.wait()
+        assert sender._listener is not None
+        await sender._listener
+        report = sender.report
         await sender.close()
     targets = wire.targets
-    assert 60 < len(targets) < 300
+    assert (report.phase, report.cause) == (Phase.STANDING, Cause.ORPHANED), "not because rows ran out"
+    assert len(targets) > 60
     changes = [b - a for a, b in itertools.pairwise(targets)]
     assert max(changes) == SPEED
     assert changes[-1] <= BRAKING + 1, "at rest"

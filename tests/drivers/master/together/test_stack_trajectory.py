@@ -13,6 +13,7 @@ from stack_kit import Stack, stack_of, until
 from drivers.bus.frame import Frame
 from drivers.cia402.modes import Mode
 from drivers.cia402.power import PowerState
+from drivers.cyclic.inloop import LoopSender
 from drivers.errors import AxisBusy, MotionFailed, NodeAway, NotReady
 from drivers.master import MoveRequest, NodeState
 from drivers.master.axis.axis import Axis
@@ -205,6 +206,26 @@ async def test_a_sender_that_is_gone_leaves_the_stop_to_the_drives(stack: Stack)
     assert "sender" in str(trajectory.error)
     await asyncio.gather(*(axis.stands() for axis in axes))
     assert all(not a.status.moving and a.status.state is PowerState.OPERATION_ENABLED for a in axes)
+
+
+@pytest.mark.looptime
+@pytest.mark.parametrize("seconds", [0.0, 0.5, 1.9])
+async def test_a_sender_that_hangs_is_cut_and_the_drives_are_halted(stack: Stack, seconds: float) -> None:
+    axes = await stack.enabled()
+    trajectory = follow(axes, points_of(*WAYS))
+    await until(lambda: trajectory.started is not None)
+    await asyncio.sleep(seconds)
+    sender = trajectory._sender
+    assert isinstance(sender, LoopSender)
+    assert sender._timer is not None
+    sender._timer.cancel()  # it sends no cycle more and says nothing, as a process that was sent SIGSTOP
+    assert await trajectory.wait(2)
+    assert trajectory.state is MotionState.FAILED
+    assert "sent nothing any more" in str(trajectory.error)
+    await asyncio.gather(*(axis.stands() for axis in axes))
+    assert all(not a.status.moving and a.status.state is PowerState.OPERATION_ENABLED for a in axes)
+    assert all(axis.status.mode is Mode.NO_MODE for axis in axes)
+    await until(lambda: not axes[0].backbone.sync.obstacles())
 
 
 @pytest.mark.looptime
