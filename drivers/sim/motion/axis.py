@@ -59,6 +59,10 @@ class SimulatedAxis(Panel):
         self._raise = raise_emergency
         self._start()
         self.supervision = Supervision(self.context, settings.load)
+        self.changes_mode_at_once = False
+        """Whether another mode counts, and 6061h shows it, while the motor still ramps down. Unverified on
+        hardware, so a master must live with both.
+        """
         self._now = 0.0
         self._next: _Next | None = None
 
@@ -280,7 +284,7 @@ class SimulatedAxis(Panel):
             self._limit(trouble, now)
         self._supervise(now)
         self.drive.observe(now)
-        if self._mode_ahead is not None and self.motor.standing:
+        if self._mode_ahead is not None and (self.changes_mode_at_once or self.motor.standing):
             self._switch_mode(self._mode_ahead, now)
         self._control.observe(now)
         self._supervise(now)
@@ -311,7 +315,7 @@ class SimulatedAxis(Panel):
     def _select(self, mode: Mode, now: float) -> None:
         """Another mode: a running motor is ramped down first (unverified on hardware).
 
-        Until then set points are ignored, and 6061h shows the old mode.
+        Until then set points are ignored, and 6061h shows the old mode, but for `changes_mode_at_once`.
         """
         if mode == self.mode and self._mode_ahead is None:
             return
