@@ -15,7 +15,7 @@ from drivers.cia402.modes import Mode
 from drivers.cia402.power import PowerState
 from drivers.cyclic.inloop import LoopSender
 from drivers.errors import AxisBusy, MotionFailed, NodeAway, NotReady
-from drivers.master import MoveRequest, NodeState
+from drivers.master import MoveRequest, NodeState, VelocityRequest
 from drivers.master.axis.axis import Axis
 from drivers.master.motions.motion import MotionState
 from drivers.master.together.trajectory import Trajectory, TrajectoryRequest, begin_trajectory
@@ -410,3 +410,25 @@ async def test_at_an_orderly_end_the_axes_stand_before_our_heartbeat_ends(stack:
     assert trajectory.state is MotionState.CANCELLED
     assert (moved[0], moved[-1]) == (True, False)
     assert all(axis.state is PowerState.SWITCH_ON_DISABLED for axis in module.axes)
+
+
+@pytest.mark.looptime
+@pytest.mark.parametrize("end", ["played", "stop", "quick_stop", "disable"])
+async def test_after_a_trajectory_a_halt_goes_out_at_once_again(stack: Stack, end: str) -> None:
+    """A stop sends it before anything is awaited, whatever led the axis before."""
+    axes = await stack.enabled()
+    trajectory = follow(axes, points_of(*WAYS))
+    await until(lambda: trajectory.started is not None)
+    await asyncio.sleep(0.5)
+    if end != "played":
+        await getattr(axes[1], end)()
+    assert await trajectory.wait(30)
+    await asyncio.gather(*(axis.stands() for axis in axes))
+    await stack.enabled()
+    for axis in axes:
+        axis.run_at(VelocityRequest(20_000))
+    await asyncio.sleep(0.5)
+    sent = stack.network.counters.sent
+    stack.network.latch_stop("a test")
+    assert stack.network.counters.sent == sent + len(axes)
+    assert all(axis.tools.drive.halted for axis in axes)
