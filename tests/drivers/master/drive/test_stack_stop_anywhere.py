@@ -12,11 +12,13 @@ from dataclasses import dataclass
 import pytest
 from stack_kit import Stack, stack_of, until
 
+from drivers.bus.faults import cob_id
 from drivers.cia402 import objects
 from drivers.cia402.power import Controlword, PowerState
 from drivers.errors import NodeAway, NotReady
 from drivers.master import (
     Axis,
+    AxisConfig,
     HomeRequest,
     Motion,
     MotionState,
@@ -250,3 +252,43 @@ async def test_a_node_that_goes_at_any_instant_ends_the_command_in_bounded_time(
             await stack.ready()
             assert axis.errand is None
             assert axis.status.state is PowerState.SWITCH_ON_DISABLED
+
+
+def _heartbeat_late(stack: Stack) -> Awaitable[None]:
+    stack.wire.faults.drop(cob_id(0x701), count=2)
+    return until(lambda: stack.node.heartbeat_stale)
+
+
+def _status_late(stack: Stack) -> Awaitable[None]:
+    axis = stack.axes[0]
+    silence = stack.wire.faults.drop(cob_id(axis.pdos.motion.cob_id))
+    asyncio.get_running_loop().call_later(1.0, silence.end)
+    return until(lambda: axis.status.stale)
+
+
+async def _another_stop(stack: Stack) -> None:
+    stack.network.latch_stop("a test")
+
+
+@pytest.mark.parametrize("interrupted_by", [_heartbeat_late, _status_late, _another_stop])
+@pytest.mark.parametrize("command", ["stop", "quick_stop", "disable"])
+async def test_a_coming_to_rest_goes_on_to_its_end_whatever_interrupts_it(
+    command: str, interrupted_by: Callable[[Stack], Awaitable[None]]
+) -> None:
+    gentle = AxisConfig(name="x", velocity=60_000, deceleration=15_000, quick_stop_deceleration=15_000)
+    async with stack_of(1, axes=(gentle,)) as stack:
+        axis = (await stack.enabled())[0]
+        axis.move_to(MoveRequest(2_000_000))
+        await asyncio.sleep(1)
+        motor = stack.modules[1].module.axes[0]
+        ending = asyncio.create_task(getattr(axis, command)())
+        await asyncio.sleep(0.1)
+        errand = axis.errand
+        await interrupted_by(stack)
+        assert motor.moving
+        assert axis.errand is errand
+        await ending
+        assert not motor.moving
+        enabled = command == "stop"
+        assert motor.state is (PowerState.OPERATION_ENABLED if enabled else PowerState.SWITCH_ON_DISABLED)
+        await until(lambda: axis.errand is None)
