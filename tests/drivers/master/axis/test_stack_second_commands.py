@@ -7,6 +7,7 @@ import asyncio
 import pytest
 from stack_kit import AXES, Stack, stack_of, until
 
+from drivers.bus.frame import Frame
 from drivers.cia402 import objects
 from drivers.cia402.power import PowerState
 from drivers.errors import AxisBusy, BadValue, LineFull, NotReady
@@ -269,6 +270,34 @@ async def test_cancelling_the_replacement_leaves_the_axis_standing(stack: Stack)
     rest = demand(stack)
     await asyncio.sleep(2)
     assert demand(stack) == rest
+
+
+@pytest.mark.parametrize("trouble", ["a fault", "another master's disable"])
+async def test_a_replacement_is_not_begun_by_an_axis_that_may_not_move_any_more(
+    stack: Stack, trouble: str
+) -> None:
+    axis = (await stack.enabled())[0]
+    by(axis, 90_000)
+    await asyncio.sleep(0.8)
+    second = axis.move_to(MoveRequest(0), on_busy=REPLACE)
+    third = by(axis, 5)
+    await asyncio.sleep(0.1)
+    assert axis.making_way
+    sent: list[Frame] = []
+    if trouble == "a fault":
+        stack.modules[1].apply(lambda module, now: module.axes[0].short("a", now))
+    else:
+        stack.wire.inject(Frame(axis.pdos.power.cob_id, b"\x06\x00\x01"))
+    rpdos = {axis.pdos.power.cob_id, axis.pdos.position.cob_id}
+    await until(lambda: axis.status.state is not PowerState.OPERATION_ENABLED)
+    stack.wire.tap(lambda _, frame: sent.append(frame) if frame.cob_id in rpdos else None)
+    assert await ended(second, third) == [MotionState.FAILED, MotionState.CANCELLED]
+    assert isinstance(second.error, NotReady)
+    assert {obstacle.code for obstacle in second.error.obstacles} >= {"not_enabled"}
+    assert second.started is None
+    assert sent == []
+    await until(lambda: axis.errand is None)
+    assert not axis.status.moving
 
 
 async def test_a_replacement_stops_what_turns_freely_and_begins_from_standstill(stack: Stack) -> None:
