@@ -164,6 +164,24 @@ async def test_readiness_is_asked_anew_when_its_turn_comes() -> None:
             by(axis, 1_000_000)  # behind a move it is known at once
 
 
+async def test_what_waits_behind_a_homing_is_not_begun_by_an_axis_that_lost_its_power_meanwhile(
+    stack: Stack,
+) -> None:
+    axis = (await stack.enabled())[0]
+    first = axis.home(HomeRequest(method=35))  # which needs none
+    second, third = by(axis, 500), by(axis, 5)
+    await until(lambda: first.started is not None)
+    stack.wire.inject(Frame(axis.pdos.power.cob_id, b"\x06\x00\x06"))  # another master
+    assert await ended(first, second, third) == [
+        MotionState.SUCCEEDED,
+        MotionState.FAILED,
+        MotionState.CANCELLED,
+    ]
+    assert isinstance(second.error, NotReady)
+    assert [obstacle.code for obstacle in second.error.obstacles] == ["not_enabled"]
+    assert second.started is None
+
+
 async def test_an_absolute_move_may_wait_for_the_homing_that_it_needs() -> None:
     async with stack_of(1, axes=(AxisConfig(name="x", require_homing=True), *AXES[1:])) as stack:
         axis = (await stack.enabled())[0]
