@@ -28,7 +28,7 @@ def pack_plan(plan: CyclePlan, way: Beside) -> bytes:
         "way": [way.interface, way.channel, way.host, way.port],
         "period": plan.period,
         "start": list(plan.start),
-        "tracks": [[track.cob_id, track.head.hex(), track.braking] for track in plan.tracks],
+        "tracks": [[t.cob_id, t.head.hex(), t.braking, t.steepest] for t in plan.tracks],
         "reserve": plan.reserve,
         "capacity": plan.capacity,
     }
@@ -38,7 +38,7 @@ def pack_plan(plan: CyclePlan, way: Beside) -> bytes:
 def unpack_plan(line: bytes) -> tuple[CyclePlan, Beside]:
     """See `pack_plan`."""
     said = json.loads(line)
-    tracks = tuple(Track(cob_id, bytes.fromhex(head), braking) for cob_id, head, braking in said["tracks"])
+    tracks = tuple(Track(cob_id, bytes.fromhex(head), *rates) for cob_id, head, *rates in said["tracks"])
     plan = CyclePlan(said["period"], tuple(said["start"]), tracks, said["reserve"], said["capacity"])
     return plan, Beside(*said["way"])
 

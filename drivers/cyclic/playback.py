@@ -7,6 +7,7 @@ is rounded, so that a ramp is even however short the cycle. The rows come in pie
 from __future__ import annotations
 
 import enum
+import math
 from collections import deque
 from collections.abc import Iterable, Sequence
 
@@ -16,6 +17,8 @@ _HALVINGS = 20
 """How finely the pace of a ramp is chosen: to a millionth."""
 _SLACK = 1e-3
 """By how much a ramp may be steeper than wanted, relative: so that it ends, and not a cycle later."""
+_RAMPS = math.log((1.0 + _SLACK) / _SLACK) / 2
+"""See `rows_to_rest`."""
 
 
 class Cause(enum.StrEnum):
@@ -31,17 +34,35 @@ class Cause(enum.StrEnum):
     """Whoever gives the rows is gone."""
 
 
+def rows_to_rest(speed: float, braking: float) -> int:
+    """How many rows coming to rest takes at most, wherever on a path it begins, for an axis that is nowhere
+    faster than `speed` (steps a cycle; `braking` as in `Playback`).
+
+    On a straight line the time of half a ramp is enough. But where the path slows an axis down by all of its
+    braking, hardly anything is left to slow the path down, and the next moment another axis may be the one:
+    only the slack is left then, of which the path's slowing down makes more and more. With u the square of
+    the pace and s the way in ramps, du/ds = -2 (1 + slack - u), from u = 1 down to 0.
+    """
+    return math.ceil(_RAMPS * speed / braking)
+
+
 class Playback:
     """The rows of one path, in order.
 
     Coming to rest slows the time of the path: the axes stay on it, in step with each other, and no axis's
-    speed falls by more than its `braking` a cycle, unless the path itself wants that. Where rows end before
-    the axes stand, the last one is the end, however fast they are: so `reserve` rows are kept back for it.
+    speed falls by more than its `braking` a cycle; where the path itself is steeper than that, by no more
+    than its steepest part. Where rows end before the axes stand, the last one is the end, however fast they
+    are: so `reserve` rows are kept back for it.
     """
 
-    def __init__(self, start: Row, braking: Sequence[float], reserve: int) -> None:
-        """`start`: where the axes stand. `braking`: steps/cycle2, each axis's deceleration; above 0."""
+    def __init__(
+        self, start: Row, braking: Sequence[float], reserve: int, steepest: Sequence[float] | None = None
+    ) -> None:
+        """`start`: where the axes stand. `braking`: steps/cycle2, each axis's deceleration; above 0.
+        `steepest`: as much, the most by which the path itself changes each axis's speed; none: no more.
+        """
         self._braking = tuple(braking)
+        self._steepest = tuple(map(max, self._braking, steepest or self._braking))
         self._reserve = reserve
         self._rows: deque[Row] = deque()
         self._here = start
@@ -105,17 +126,18 @@ class Playback:
         return self._rows.popleft()
 
     def _slow_down(self) -> Row | None:
-        if self._can(0.0):
+        if self._can(0.0, self._braking):
             return None
         if not self._rows:
             self.abrupt = not self._last
             return None
         pace = self._pace
-        if self._can(pace):
+        most = self._braking if self._can(pace, self._braking) else self._steepest
+        if self._can(pace, most):
             low = 0.0
             for _ in range(_HALVINGS):
                 middle = (low + pace) / 2
-                low, pace = (low, middle) if self._can(middle) else (middle, pace)
+                low, pace = (low, middle) if self._can(middle, most) else (middle, pace)
         self._pace = pace
         there = self._at(pace)
         self._share += pace
@@ -124,12 +146,12 @@ class Playback:
             self._before = self._take()
         return there
 
-    def _can(self, pace: float) -> bool:
-        """Whether going on by this share of a cycle keeps every axis within its braking."""
+    def _can(self, pace: float, limits: Sequence[float]) -> bool:
+        """Whether going on by this share of a cycle changes every axis's speed by no more than its limit."""
         there = self._at(pace)
         return all(
             abs(new - old - speed) <= most * (1.0 + _SLACK)
-            for new, old, speed, most in zip(there, self._here, self._speed, self._braking, strict=True)
+            for new, old, speed, most in zip(there, self._here, self._speed, limits, strict=True)
         )
 
     def _at(self, pace: float) -> Row:

@@ -24,7 +24,9 @@ class Track:
     cob_id: int
     head: bytes
     braking: float
-    """steps/cycle2: how fast its speed may fall on the way to rest."""
+    """steps/cycle2: how fast its speed may fall on the way to rest ..."""
+    steepest: float = 0.0
+    """... where the path itself doesn't change it faster: by this much at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +45,9 @@ class CyclePlan:
 
     def playback(self) -> Playback:
         """The rows of it, none given yet."""
-        return Playback(self.start, [track.braking for track in self.tracks], self.reserve)
+        tracks = self.tracks
+        braking, steepest = [track.braking for track in tracks], [track.steepest for track in tracks]
+        return Playback(self.start, braking, self.reserve, steepest)
 
 
 def row_frames(tracks: Sequence[Track], row: Sequence[int]) -> list[Frame]:

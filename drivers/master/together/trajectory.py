@@ -17,7 +17,7 @@ from itertools import islice
 
 from drivers.cia402.power import Controlword
 from drivers.cyclic.inloop import LoopSender
-from drivers.cyclic.playback import Cause, Row
+from drivers.cyclic.playback import Cause, Row, rows_to_rest
 from drivers.cyclic.process import ProcessSender
 from drivers.cyclic.sender import CyclePlan, CyclicSender, Phase, Track
 from drivers.errors import BadValue, CanaxisError, MotionFailed
@@ -28,7 +28,7 @@ from drivers.master.motions.motion import MotionKind, MotionState
 from drivers.master.plan.prediction import Prediction
 from drivers.master.together import trajectory_axis
 from drivers.master.together.joint import Joint, require_ready
-from drivers.master.together.trajectory_check import Survey
+from drivers.master.together.trajectory_check import Peaks, Survey
 from drivers.master.together.trajectory_file import PointFile
 from drivers.master.together.trajectory_path import samples
 
@@ -105,8 +105,8 @@ class Trajectory(Joint):
             self.cut()
             return
         self._sender.brake()
-        longest = 2 * (self._plan.reserve + 4) * self._period + 2 * self._period + _SILENCE
-        self._brake_timer = asyncio.get_running_loop().call_later(2 * longest, self.cut)
+        longest = 2 * self._plan.reserve * self._period + _SILENCE
+        self._brake_timer = asyncio.get_running_loop().call_later(longest, self.cut)
 
     async def at_rest(self) -> bool:
         """See `Guide.at_rest`."""
@@ -310,20 +310,17 @@ def _expected(survey: Survey) -> Prediction:
 
 
 def _plan(request: TrajectoryRequest) -> CyclePlan:
-    period = request.period_ms / 1000
-    tracks = tuple(_track(axis, period) for axis in request.axes)
-    ramps = [
-        peak.speed / axis.config.deceleration
-        for axis, peak in zip(request.axes, request.survey.peaks, strict=True)
-    ]
-    # At an even deceleration half the time of the ramp is time of the path; a bending path takes more.
-    reserve = 4 + math.ceil(max(ramps, default=0.0) / period)
-    capacity = 2 * reserve + 16 + math.ceil(_AHEAD / period)
+    period, peaks = request.period_ms / 1000, request.survey.peaks
+    tracks = tuple(_track(axis, peak, period) for axis, peak in zip(request.axes, peaks, strict=True))
+    reserve = 4 + max(
+        rows_to_rest(peak.speed * period, track.braking) for peak, track in zip(peaks, tracks, strict=True)
+    )
+    capacity = reserve + reserve // 2 + 16 + math.ceil(_AHEAD / period)
     first = next(iter(request.points.points()))
     return CyclePlan(period, first.positions, tracks, reserve, capacity)
 
 
-def _track(axis: Axis, period: float) -> Track:
+def _track(axis: Axis, peak: Peaks, period: float) -> Track:
     pdo = axis.pdos.synchronous
     packed = pdo.mapping.pack((Controlword.ENABLE_OPERATION, 0))
-    return Track(pdo.cob_id, packed[:-4], axis.config.deceleration * period**2)
+    return Track(pdo.cob_id, packed[:-4], axis.config.deceleration * period**2, peak.acceleration * period**2)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 
 from drivers.bus.base import Beside
 from drivers.cyclic import messages
 from drivers.cyclic.messages import Inbox
 from drivers.cyclic.pace import Lateness, Pace
-from drivers.cyclic.playback import Cause, Playback
+from drivers.cyclic.playback import Cause, Playback, rows_to_rest
 from drivers.cyclic.sender import CyclePlan, Phase, Report, Track, row_frames
 
 
@@ -32,6 +34,62 @@ def test_with_no_more_than_the_reserve_left_it_comes_to_rest() -> None:
     assert playback.cause is Cause.UNDER_RUN
     assert not playback.abrupt
     assert sent == [2, 6, 12, 20, 26, 30, 32]
+
+
+TOP = 20.0
+"""Steps a cycle. On the paths below a speed changes by 1 a cycle at most, so a ramp takes 20 cycles."""
+UP, ROUND = [(1.0, 0.0)] * 20, [(-1.0, 1.0)] * 20
+PATHS = {
+    "a straight line": [*UP, *[(0.0, 0.0)] * 150],
+    "a corner": [*UP, *[(0.0, 0.0)] * 10, *ROUND, *[(0.0, 0.0)] * 120],
+    "corner after corner": [*UP, *[*ROUND, *[(1.0, -1.0)] * 20] * 4],
+    "never even": [*[(1.0, 1.0)] * 20, *[*[(-1.0, 1.0)] * 5, *[(1.0, -1.0)] * 5] * 15],
+}
+"""By how much the speeds change, cycle by cycle."""
+
+
+def rows_of(bends: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    here, speed, rows = (0.0, 0.0), (0.0, 0.0), []
+    for x, y in bends:
+        speed = min(TOP, speed[0] + x), min(TOP, speed[1] + y)
+        here = here[0] + speed[0], here[1] + speed[1]
+        rows.append(here)
+    return rows
+
+
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("braking", [1.0, 0.6])
+def test_wherever_the_rows_stop_coming_those_kept_back_are_enough_to_come_to_rest(
+    path: str, braking: float
+) -> None:
+    """Though the path brakes one axis or another as hard as it may, and harder than they are to brake."""
+    rows, reserve = rows_of(PATHS[path]), rows_to_rest(TOP, braking)
+    for kept in range(reserve + 1, len(rows), 2):
+        playback = Playback((0.0, 0.0), (braking, braking), reserve, (1.0, 1.0))
+        playback.feed(rows[:kept])
+        sent = [(0, 0), (0, 0)]
+        while (row := playback.next()) is not None:
+            sent.append(row)
+        assert playback.cause is Cause.UNDER_RUN
+        assert not playback.abrupt, kept
+        changes = [
+            abs(c - 2 * b + a)
+            for first, second, third in zip(sent, sent[1:], [*sent[2:], sent[-1]], strict=False)
+            for a, b, c in zip(first, second, third, strict=True)
+        ]
+        assert max(changes) <= 1 + 2, "rounding, no jerk"
+
+
+def test_a_steep_part_elsewhere_makes_no_ramp_steeper_where_the_path_is_calm() -> None:
+    playback = Playback((0.0,), (1.0,), 0, (5.0,))
+    playback.feed((place,) for place in itertools.accumulate([5.0, 10.0, 15.0, *[20.0] * 40]))
+    sent = [playback.next() for _ in range(10)]
+    playback.brake(Cause.ASKED)
+    while (row := playback.next()) is not None:
+        sent.append(row)
+    speeds = [b[0] - a[0] for a, b in itertools.pairwise(row for row in sent if row)]
+    assert max(a - b for a, b in itertools.pairwise(speeds)) <= 1 + 2
+    assert not playback.abrupt
 
 
 def test_rows_that_end_in_full_speed_are_told() -> None:
@@ -64,7 +122,7 @@ def test_shares_of_lateness_are_right_to_a_twentieth() -> None:
 
 
 def test_messages_come_back_whole_however_they_are_cut() -> None:
-    plan = CyclePlan(0.01, (1.5, -2.0), (Track(0x200, b"\x0f\x00", 3.5), Track(0x201, b"", 1.0)), 7, 90)
+    plan = CyclePlan(0.01, (1.5, -2.0), (Track(0x200, b"\x0f\x00", 3.5, 4.25), Track(0x201, b"", 1.0)), 7, 90)
     way = Beside("socketcand", "can0", "127.0.0.1", 29536)
     assert messages.unpack_plan(messages.pack_plan(plan, way)) == (plan, way)
     rows = [(1.25, -3.0), (2.5, 1e6)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import pytest
 from stack_kit import Stack, stack_of, until
@@ -14,8 +14,9 @@ from drivers.bus.frame import Frame
 from drivers.cia402.modes import Mode
 from drivers.cia402.power import PowerState
 from drivers.cyclic.inloop import LoopSender
+from drivers.cyclic.playback import Row
 from drivers.errors import AxisBusy, MotionFailed, NodeAway, NotReady
-from drivers.master import MoveRequest, NodeState, VelocityRequest
+from drivers.master import AxisConfig, MoveRequest, NodeState, VelocityRequest
 from drivers.master.axis.axis import Axis
 from drivers.master.motions.motion import MotionState
 from drivers.master.together.trajectory import Trajectory, TrajectoryRequest, begin_trajectory
@@ -109,9 +110,8 @@ async def test_a_stop_of_one_axis_brings_all_to_rest_on_the_path_within_their_de
     assert trajectory.state is MotionState.CANCELLED
     await asyncio.gather(*(axis.stands() for axis in axes))
     for index, axis in enumerate(axes):
-        speeds = [(b[index] - a[index]) / PERIOD for a, b in itertools.pairwise(track)]
-        falls = [abs(b - a) / PERIOD for a, b in itertools.pairwise(speeds)]
-        assert max(falls) <= axis.config.deceleration + 3 / PERIOD**2  # what rounding to steps costs
+        own = [[places[index]] for places in track]
+        assert max(falls_of(own)) <= axis.config.deceleration + ROUNDING
     # On the path: the axes are where one and the same time of the path has them.
     end = motors(stack)
     time = math.acos(1 - 2 * end[0] / 20_000) * SECONDS / (2 * math.pi)
@@ -119,6 +119,33 @@ async def test_a_stop_of_one_axis_brings_all_to_rest_on_the_path_within_their_de
     assert 0.5 < time < 0.8
     assert all(axis.status.mode is Mode.NO_MODE and not axis.status.moving for axis in axes)
     assert all(axis.status.state is PowerState.OPERATION_ENABLED for axis in axes)
+
+
+@pytest.mark.looptime
+async def test_a_stop_on_a_curve_steeper_than_the_deceleration_begins_at_once_and_is_no_steeper() -> None:
+    """A circle that `max_acceleration` allows, of twice the axes' deceleration, at full speed after 1 s."""
+    radius, turn, rate = 4000, 5.0, 50_000  # 20,000 steps/s, 100,000 steps/s2
+
+    def angle(t: float) -> float:
+        return turn * (t * t / 2 if t < 1 else t - 0.5 if t < 7 else 7 - (8 - t) ** 2 / 2)
+
+    ways = (lambda t: radius * (math.cos(angle(t)) - 1), lambda t: radius * math.sin(angle(t)))
+    axes = tuple(
+        AxisConfig(name=n, velocity=20_000, acceleration=rate, deceleration=rate, max_acceleration=110_000)
+        for n in "xyz"
+    )
+    async with stack_of(1, axes=axes) as stack:
+        trajectory = follow((await stack.enabled())[:2], points_of(*ways, seconds=8))
+        await until(lambda: trajectory.started is not None)
+        await asyncio.sleep(2)
+        track: list[list[float]] = []
+        stack.wire.tap(lambda _, f: track.append(motors(stack)) if f.cob_id == 0x080 else None)
+        begun = asyncio.get_running_loop().time()
+        await trajectory.axes[0].stop("a test")
+        assert asyncio.get_running_loop().time() - begun < 20_000 / rate + 0.4
+        assert max(falls_of(track)) <= 2 * rate * 1.01 + ROUNDING
+        x, y = motors(stack)[:2]
+        assert math.hypot(x + radius, y) == pytest.approx(radius, abs=15), "it stands on the path"
 
 
 @pytest.mark.looptime
@@ -160,38 +187,51 @@ async def test_a_quick_stop_of_one_axis_silences_the_sender_and_halts_the_others
     assert axes[0].status.state is PowerState.SWITCH_ON_DISABLED
 
 
+def falls_of(track: list[list[float]]) -> list[float]:
+    """By how much the speed of any axis changed from cycle to cycle, steps/s2."""
+    speeds = [[(b - a) / PERIOD for a, b in zip(*two, strict=True)] for two in itertools.pairwise(track)]
+    return [abs(b - a) / PERIOD for two in itertools.pairwise(speeds) for a, b in zip(*two, strict=True)]
+
+
+ROUNDING = 3 / PERIOD**2
+"""What rounding to steps can make of such a change."""
+
+
 @pytest.mark.looptime
-async def test_rows_that_come_too_late_end_in_a_ramp_not_in_a_jerk(
-    stack: Stack, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    axes = await stack.enabled()
-    ways = (lambda t: 2000 * t * t if t < 5 else 20_000 * t - 50_000,)
-    points = PointFile(1)
-    for number in range(101):
-        t = number / 10
-        points.add(t, [ways[0](t)], [4000 * t if t < 5 else 20_000])
-    points.add(12.0, [ways[0](10) + 20_000], [0])
-    trajectory = follow(axes[:1], points)
-    await until(lambda: trajectory.started is not None)
-    await asyncio.sleep(6)
+@pytest.mark.parametrize("at", [0.5, 1.2, 2.05])
+async def test_rows_that_come_too_late_end_in_a_ramp_not_in_a_jerk(at: float) -> None:
+    """From 2 s to 3 s the path is a corner: x brakes and y speeds up, as hard as both may."""
+    rate = 20_000
+    bends = {0.0: (1, 0), 1.0: (0, 0), 2.0: (-1, 1), 3.0: (0, 0), 8.0: (0, -1)}
+    here, speed, bend = [0.0, 0.0], [0.0, 0.0], (0, 0)
+    points = PointFile(2)
+    for number in range(91):
+        bend = bends.get(number / 10, bend)
+        points.add(number / 10, here, speed)
+        here = [p + v / 10 + b * rate / 200 for p, v, b in zip(here, speed, bend, strict=True)]
+        speed = [v + b * rate / 10 for v, b in zip(speed, bend, strict=True)]
+    axes = tuple(AxisConfig(name=n, velocity=rate, acceleration=rate, deceleration=rate) for n in "xyz")
+    async with stack_of(1, axes=axes) as stack:
+        trajectory = follow((await stack.enabled())[:2], points)
+        sender, last = trajectory._sender, round(at / PERIOD) + trajectory._plan.reserve
+        feed, given = sender.feed, 0
 
-    async def nothing(rows: object, given: int) -> int:
-        return given
+        def late(rows: Sequence[Row]) -> None:
+            nonlocal given
+            feed(rows[: max(0, last - given)])
+            given += len(rows)
 
-    monkeypatch.setattr(trajectory, "_give", nothing)
-    track: list[list[float]] = []
-    stack.wire.tap(lambda _, f: track.append(motors(stack)) if f.cob_id == 0x080 else None)
-    assert await trajectory.wait(30)
-    assert trajectory.state is MotionState.FAILED
-    assert isinstance(trajectory.error, MotionFailed)
-    assert "under-run" in trajectory.error.message
-    assert trajectory.result is not None
-    assert trajectory.result["under_runs"] == 1
-    await axes[0].stands()
-    speeds = [(b[0] - a[0]) / PERIOD for a, b in itertools.pairwise(track)]
-    falls = [abs(b - a) / PERIOD for a, b in itertools.pairwise(speeds)]
-    assert speeds[0] == pytest.approx(20_000, rel=0.01)
-    assert max(falls) <= axes[0].config.deceleration + 3 / PERIOD**2
+        sender.feed = late
+        track: list[list[float]] = []
+        stack.wire.tap(lambda _, f: track.append(motors(stack)) if f.cob_id == 0x080 else None)
+        assert await trajectory.wait(30)
+        assert trajectory.state is MotionState.FAILED
+        assert isinstance(trajectory.error, MotionFailed)
+        assert "under-run" in trajectory.error.message
+        assert trajectory.result is not None
+        assert trajectory.result["under_runs"] == 1
+        await asyncio.gather(*(axis.stands() for axis in trajectory.axes))
+        assert max(falls_of([*track, motors(stack)])) <= rate + ROUNDING
 
 
 @pytest.mark.looptime
