@@ -4,28 +4,46 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Final
+from typing import Final, Protocol
 
 from drivers.cia402 import objects
+from drivers.cia402.modes import Mode
 from drivers.cia402.power import Statusword, encode_state
 from drivers.sim.motion import load
-from drivers.sim.motion.context import SWITCH_PARAMETERS, VELOCITY_DIMENSION
+from drivers.sim.motion.context import SWITCH_PARAMETERS, VELOCITY_DIMENSION, Context
 from drivers.sim.motion.encoder import MICROSTEP_RESOLUTION
-from drivers.sim.motion.supervision import STALLGUARD2_THRESHOLD
+from drivers.sim.motion.mode import ModeControl
+from drivers.sim.motion.supervision import STALLGUARD2_THRESHOLD, Supervision
 from drivers.sim.motion.travel import SwitchParameters
 from drivers.sim.motion.troubles import Conditions, Severity
-
-if TYPE_CHECKING:
-    from drivers.sim.motion.axis import SimulatedAxis
 
 _PPS: Final = 181
 _PPS_PER_S: Final = 179
 _MEASURED_LIMIT: Final = 16_777_215
 
 
-def statusword(axis: SimulatedAxis, now: float) -> int:
+class Readable(Protocol):
+    """What the live objects of an axis are read from."""
+
+    context: Context
+    conditions: Conditions
+    supervision: Supervision
+    mode: Mode
+
+    @property
+    def control(self) -> ModeControl:
+        """The mode that is displayed."""
+        ...
+
+    @property
+    def deviated(self) -> bool:
+        """Whether a following error happened since the last fault reset."""
+        ...
+
+
+def statusword(axis: Readable, now: float) -> int:
     """6041h. Bit 15 is set when the last motion was, or is, in negative direction: unverified on hardware."""
-    word = encode_state(axis.state) | Statusword.REMOTE | axis.control.bits(now)
+    word = encode_state(axis.context.drive.state) | Statusword.REMOTE | axis.control.bits(now)
     if axis.conditions.voltage >= Conditions.UNDERVOLTAGE:
         word |= Statusword.VOLTAGE_ENABLED
     if any(trouble.value.severity is Severity.WARNING for trouble in axis.conditions.present()):
@@ -34,24 +52,24 @@ def statusword(axis: SimulatedAxis, now: float) -> int:
         word |= Statusword.INTERNAL_LIMIT
     if axis.deviated and axis.mode is axis.mode.CYCLIC_SYNC_POSITION:
         word |= Statusword.BIT13
-    if axis.motor.turning(now):
+    if axis.context.motor.turning(now):
         word |= Statusword.MOTOR_ACTIVITY
-    if axis.motor.last_direction < 0:
+    if axis.context.motor.last_direction < 0:
         word |= Statusword.DIRECTION
     return word
 
 
-def velocity(axis: SimulatedAxis, now: float) -> int:
+def velocity(axis: Readable, now: float) -> int:
     """606Ch in the unit of 208Ch: of the encoder where one is used and the carriage is held."""
-    held = axis.encoder.used and axis.motor.stuck is not None
-    shown = 0 if held else round(axis.motor.velocity(now) / axis.context.velocity_unit)
+    held = axis.context.encoder.used and axis.context.motor.stuck is not None
+    shown = 0 if held else round(axis.context.motor.velocity(now) / axis.context.velocity_unit)
     return max(min(shown, 2**31 - 1), -(2**31))
 
 
-def digital_inputs(axis: SimulatedAxis, now: float) -> int:
+def digital_inputs(axis: Readable, now: float) -> int:
     """60FDh: switches after polarity, used or not. The bits are CiA 402's: unverified on hardware."""
     bits = SwitchParameters(axis.context.parameters.get(SWITCH_PARAMETERS))
-    levels = axis.travel.levels(axis.motor.place(now), bits)
+    levels = axis.context.travel.levels(axis.context.motor.place(now), bits)
     inputs = objects.DigitalInput
     return (
         levels.negative * inputs.NEGATIVE_LIMIT
@@ -61,27 +79,27 @@ def digital_inputs(axis: SimulatedAxis, now: float) -> int:
     )
 
 
-def _demand(axis: SimulatedAxis, now: float) -> int:
-    return _wrapped(round(axis.motor.position(now)))
+def _demand(axis: Readable, now: float) -> int:
+    return _wrapped(round(axis.context.motor.position(now)))
 
 
-def _position(axis: SimulatedAxis, now: float) -> int:
-    return _wrapped(axis.encoder.shown(now))
+def _position(axis: Readable, now: float) -> int:
+    return _wrapped(axis.context.encoder.shown(now))
 
 
-def _measured_velocity(axis: SimulatedAxis, now: float) -> int:
-    if axis.motor.stuck is not None:
+def _measured_velocity(axis: Readable, now: float) -> int:
+    if axis.context.motor.stuck is not None:
         return 0
     return max(min(velocity(axis, now), _MEASURED_LIMIT), -_MEASURED_LIMIT)
 
 
-def _load(axis: SimulatedAxis, now: float) -> int:
+def _load(axis: Readable, now: float) -> int:
     threshold = axis.context.parameters.get(STALLGUARD2_THRESHOLD)
-    return load.stallguard2(axis.supervision.effective_load, axis.motor.velocity(now), threshold)
+    return load.stallguard2(axis.supervision.effective_load, axis.context.motor.velocity(now), threshold)
 
 
-def _load4(axis: SimulatedAxis, now: float) -> int:
-    return load.stallguard4(axis.supervision.effective_load, axis.motor.velocity(now))
+def _load4(axis: Readable, now: float) -> int:
+    return load.stallguard4(axis.supervision.effective_load, axis.context.motor.velocity(now))
 
 
 def _wrapped(value: int) -> int:
@@ -89,7 +107,7 @@ def _wrapped(value: int) -> int:
     return (value + 2**31) % 2**32 - 2**31
 
 
-LIVE: Final[Mapping[int, Callable[[SimulatedAxis, float], int]]] = MappingProxyType(
+LIVE: Final[Mapping[int, Callable[[Readable, float], int]]] = MappingProxyType(
     {
         0x208E: lambda axis, _: _PPS_PER_S if axis.context.parameters.get(VELOCITY_DIMENSION) == _PPS else 0,
         0x2100: lambda axis, _: axis.context.parameters.get(objects.HOME_OFFSET),
@@ -97,7 +115,9 @@ LIVE: Final[Mapping[int, Callable[[SimulatedAxis, float], int]]] = MappingProxyT
         0x2102: lambda axis, _: axis.conditions.driver_flags(),
         0x2107: lambda axis, _: axis.context.parameters.get(MICROSTEP_RESOLUTION),
         0x210A: _load4,
-        0x2121: lambda axis, now: load.pwm_scale(axis.motor.velocity(now), axis.drive.powered),
+        0x2121: lambda axis, now: load.pwm_scale(
+            axis.context.motor.velocity(now), axis.context.drive.powered
+        ),
         0x2122: _measured_velocity,
         objects.STATUSWORD: statusword,
         objects.MODE_DISPLAY: lambda axis, _: int(axis.mode),
