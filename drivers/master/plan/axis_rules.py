@@ -7,20 +7,12 @@ module's own objects take is in `axis_parameters`, since that differs between mo
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from drivers.errors import BrokenRule
+from drivers.master.plan.axis_fields import HIGHEST_RATE, INT32_MAX, INT32_MIN, AxisFields
+from drivers.master.plan.gearing import Gearing
 
-if TYPE_CHECKING:
-    from drivers.master.plan.configuration import AxisConfig
-    from drivers.master.plan.gearing import Gearing
-
-INT32_MIN: Final = -(2**31)
-INT32_MAX: Final = 2**31 - 1
-HIGHEST_RATE: Final = 16_777_215
-"""The highest velocity or acceleration that the ramp generator's registers take (ranges in manual §4.2.11
-ff.).
-"""
 LOWEST_STOP_VELOCITY: Final = 10
 """Of VSTOP; below it a target might not be reached (manual §1.5)."""
 _LARGEST_TERM: Final = 10**15
@@ -30,7 +22,7 @@ _ACCELERATIONS = ("acceleration", "deceleration", "homing_acceleration")
 _SEGMENTS = ("ramp_a1", "ramp_v1", "ramp_a2", "ramp_v2")
 
 
-def broken_rules(config: AxisConfig) -> Iterator[BrokenRule]:
+def broken_rules(config: AxisFields) -> Iterator[BrokenRule]:
     """Every rule that a configuration breaks."""
     if not config.name.strip() or config.name.strip().isdecimal():
         yield BrokenRule("name", "name_is_a_word", "An axis needs a name that is no bare number.")
@@ -58,7 +50,7 @@ def broken_gearing(gearing: Gearing) -> Iterator[BrokenRule]:
             yield BrokenRule(name, "ratio_above_0", f"{name} must be above 0, with at most 15 digits.")
 
 
-def _rates(config: AxisConfig) -> Iterator[BrokenRule]:
+def _rates(config: AxisFields) -> Iterator[BrokenRule]:
     for name in (
         *_VELOCITIES,
         *_ACCELERATIONS,
@@ -79,7 +71,7 @@ def _rate(name: str, lowest: int, value: int) -> BrokenRule:
     )
 
 
-def _stop_and_start(config: AxisConfig) -> Iterator[BrokenRule]:
+def _stop_and_start(config: AxisFields) -> Iterator[BrokenRule]:
     if not LOWEST_STOP_VELOCITY <= config.end_velocity <= HIGHEST_RATE:
         yield BrokenRule(
             "end_velocity",
@@ -96,7 +88,7 @@ def _stop_and_start(config: AxisConfig) -> Iterator[BrokenRule]:
         )
 
 
-def _eight_points(config: AxisConfig) -> Iterator[BrokenRule]:
+def _eight_points(config: AxisFields) -> Iterator[BrokenRule]:
     for name, number, value in (("ramp_d1", "2013h", config.d1), ("ramp_d2", "2018h", config.d2)):
         if not 1 <= value <= HIGHEST_RATE:
             yield BrokenRule(
@@ -126,7 +118,7 @@ def _eight_points(config: AxisConfig) -> Iterator[BrokenRule]:
         )
 
 
-def _maxima(config: AxisConfig) -> Iterator[BrokenRule]:
+def _maxima(config: AxisFields) -> Iterator[BrokenRule]:
     rates = (
         ("max_velocity", (*_VELOCITIES, "start_velocity", "end_velocity")),
         ("max_acceleration", (*_ACCELERATIONS, "ramp_a1", "ramp_a2", "ramp_d1", "ramp_d2")),
@@ -141,7 +133,7 @@ def _maxima(config: AxisConfig) -> Iterator[BrokenRule]:
                 )
 
 
-def _positions(config: AxisConfig) -> Iterator[BrokenRule]:
+def _positions(config: AxisFields) -> Iterator[BrokenRule]:
     if not INT32_MIN <= config.home_offset <= INT32_MAX:
         yield BrokenRule("home_offset", "range_607Ch", "home_offset must fit 32 bits (607Ch).")
     if config.position_tolerance < 0:
