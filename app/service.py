@@ -53,6 +53,7 @@ class Service:
         self.store = Database(settings.store.file)
         self.operations = OperationRegister(
             self.store,
+            network.axis,
             keep_days=settings.store.keep_days,
             keep_number=settings.store.keep_operations,
         )

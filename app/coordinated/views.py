@@ -21,8 +21,8 @@ def result(motion: GroupMotion) -> dict[str, Any]:
     assert motion.result is not None
     rows = cast("list[Mapping[str, Any]]", motion.result["axes"])
     axes: list[dict[str, Any]] = []
-    for axis, row in zip(motion.axes, rows, strict=True):
-        scale = Scale.of(axis.config)
+    for member, row in zip(motion.members, rows, strict=True):
+        scale = Scale.of(member.axis.config)
         axes.append(
             {
                 key: scale.quantity(value, _SUFFIXES[key]).model_dump()

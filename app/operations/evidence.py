@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import datetime
 
 from app.axes.units import Scale
 from app.http.schemas import Quantity
 from app.operations.schemas import AxisTrack, EvidenceReply, FoundAxis, SeenEmergency, SightReply
 from drivers.master.axis.axis import Axis
+from drivers.master.ground.where import AxisId
 from drivers.master.seen.evidence import Evidence
 
 
@@ -16,26 +18,31 @@ def nothing() -> EvidenceReply:
     return EvidenceReply(axes=[], statuswords=[], left_out=0, emergencies=[])
 
 
-def reply(seen: Evidence) -> EvidenceReply:
-    """What was seen so far."""
+def reply(seen: Evidence, axes: Sequence[Axis]) -> EvidenceReply:
+    """What was seen so far of these axes."""
+    scales = {axis.id: Scale.of(axis.config) for axis in axes}
+
+    def place(axis: AxisId, steps: int | None) -> Quantity | None:
+        return None if steps is None else scales[axis].quantity(steps)
+
     return EvidenceReply(
         axes=[
             AxisTrack(
-                node=track.axis.node.node_id,
+                node=track.axis.node,
                 axis=track.axis.number,
-                start=_quantity(track.axis, track.start),
-                target=_quantity(track.axis, track.target),
-                end=_quantity(track.axis, track.end),
+                start=place(track.axis, track.start),
+                target=place(track.axis, track.target),
+                end=place(track.axis, track.end),
             )
             for track in seen.tracks.values()
         ],
         statuswords=[
             SightReply(
-                node=sight.axis.node.node_id,
+                node=sight.axis.node,
                 axis=sight.axis.number,
                 after_s=round(sight.after_s, 4),
                 statusword=f"0x{sight.statusword:04X}",
-                position=_quantity(sight.axis, sight.position),
+                position=place(sight.axis, sight.position),
             )
             for sight in seen.trail
         ],

@@ -25,6 +25,7 @@ from app.operations import table as records
 from app.operations.schemas import Asker, OperationAxis, OperationLinks, OperationReply, OperationState
 from app.store.database import Database, StoreOff
 from drivers.master.axis.axis import Axis
+from drivers.master.ground.where import AxisId
 from drivers.master.motions.motion import MotionKind, Undertaking
 from drivers.master.node.node import Node
 from drivers.master.together.coordinated_move import GroupMotion
@@ -48,11 +49,14 @@ class Operation:
     def __init__(
         self,
         motion: Undertaking,
+        axes: Sequence[Axis],
         request: Mapping[str, Any],
         asked_by: Asker = NOBODY,
         key: str | None = None,
     ) -> None:
+        """`axes`: those whose numbers the motion holds, in its order."""
         self.motion = motion
+        self.axes = axes
         self.request = request
         self.asked_by = asked_by
         self.key = key
@@ -71,17 +75,17 @@ class Operation:
         if motion.error is not None and motion.state.value == OperationState.FAILED:
             error = Problem.model_validate(problems.of_driver_error(motion.error).body)
         asked = _asked(
-            self.id, motion.kind, motion.axes, motion.node, self.request, self.asked_by, motion.created
+            self.id, motion.kind, self.axes, motion.node_id, self.request, self.asked_by, motion.created
         )
         news = {
             "state": OperationState(motion.state.value),
             "progress": motion.progress,
             "predicted_s": None if expected is None else round(expected.duration_s, 4),
-            "predicted_peak_velocity": peak(motion.axes[0], expected) if len(motion.axes) == 1 else None,
-            "result": _result(motion),
+            "predicted_peak_velocity": peak(self.axes[0], expected) if len(self.axes) == 1 else None,
+            "result": _result(motion, self.axes),
             "error": error,
             "reason": motion.error.message if motion.error is not None else None,
-            "evidence": evidence.reply(motion.evidence),
+            "evidence": evidence.reply(motion.evidence, self.axes),
             "started": motion.started,
             "ended": motion.ended,
         }
@@ -92,7 +96,7 @@ def _asked(
     operation_id: str,
     kind: MotionKind,
     axes: Sequence[Axis],
-    node: Node | None,
+    node_id: int | None,
     request: Mapping[str, Any],
     asked_by: Asker,
     created: datetime,
@@ -103,7 +107,7 @@ def _asked(
     return OperationReply(
         id=operation_id,
         kind=kind.value,
-        node=None if node is None else node.node_id,
+        node=node_id,
         axis=None if only is None else only.number,
         axes=[OperationAxis(node=a.node.node_id, axis=a.number, name=a.name) for a in axes],
         state=OperationState.QUEUED,
@@ -123,15 +127,15 @@ def _asked(
     )
 
 
-def _result(motion: Undertaking) -> dict[str, Any] | None:
+def _result(motion: Undertaking, axes: Sequence[Axis]) -> dict[str, Any] | None:
     """The result, with units beside the numbers where it is one axis's."""
     if motion.result is None:
         return None
     if isinstance(motion, GroupMotion):
         return views.result(motion)
-    if len(motion.axes) != 1:
+    if len(axes) != 1:
         return dict(motion.result)
-    scale = Scale.of(motion.axes[0].config)
+    scale = Scale.of(axes[0].config)
     suffixes = {"position": "", "travelled": "", "target": "", "velocity": "/s"}
     return {
         key: scale.quantity(value, suffixes[key]).model_dump()
@@ -145,10 +149,20 @@ class OperationRegister:
     """All operations by id, oldest first."""
 
     def __init__(
-        self, store: Database, *, kept: int = KEPT, keep_days: float = 90, keep_number: int = 100_000
+        self,
+        store: Database,
+        axis: Callable[[AxisId], Axis],
+        *,
+        kept: int = KEPT,
+        keep_days: float = 90,
+        keep_number: int = 100_000,
     ) -> None:
-        """`keep_days` and `keep_number` bound what the store remembers of what ended."""
+        """`axis` finds an axis by its numbers.
+
+        `keep_days` and `keep_number` bound what the store remembers of what ended.
+        """
         self._store = store
+        self._axis = axis
         self._kept = kept
         self._keep_days = keep_days
         self._keep_number = keep_number
@@ -179,7 +193,7 @@ class OperationRegister:
         off holds nothing up. `node` is what it is about where it is about no axis.
         """
         operation_id = uuid.uuid4().hex
-        where = axes[0].node if len(axes) == 1 else node
+        where = axes[0].node.node_id if len(axes) == 1 else None if node is None else node.node_id
         asked = _asked(operation_id, kind, axes, where, request, asked_by, datetime.now(UTC))
         key = None if claim is None else claim.key
         spent = () if claim is None else claim.spend()
@@ -200,7 +214,7 @@ class OperationRegister:
         key: str | None = None,
     ) -> Operation:
         """Remember what was just begun, and forget the oldest that ended."""
-        operation = Operation(motion, request, asked_by, key)
+        operation = Operation(motion, self._axes(motion), request, asked_by, key)
         self._by_id[operation.id] = operation
         self.started[motion.kind] += 1
         motion.watch(lambda _: self._write(operation))
@@ -233,7 +247,11 @@ class OperationRegister:
 
     def reply_for(self, motion: Undertaking) -> OperationReply:
         """What the wire shows of an undertaking, whoever began it."""
-        return self._by_id.get(motion.id, Operation(motion, {})).reply()
+        known = self._by_id.get(motion.id)
+        return (Operation(motion, self._axes(motion), {}) if known is None else known).reply()
+
+    def _axes(self, motion: Undertaking) -> tuple[Axis, ...]:
+        return tuple(self._axis(each) for each in motion.axes)
 
     def running(self) -> list[Operation]:
         """What has not ended."""

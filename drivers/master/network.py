@@ -20,6 +20,7 @@ from drivers.master.axis.axis import Axis
 from drivers.master.ground.counters import NetworkCounters
 from drivers.master.ground.router import Router
 from drivers.master.ground.timing import Timing
+from drivers.master.ground.where import AxisId
 from drivers.master.node.backbone import Backbone
 from drivers.master.node.commissioning import verify_failsafe
 from drivers.master.node.node import Node
@@ -144,6 +145,10 @@ class Network:
             if ref in (node.node_id, str(node.node_id), node.name):
                 return node
         raise UnknownNode(f"There is no node {ref!r}.")
+
+    def axis(self, which: AxisId) -> Axis:
+        """An axis by its numbers. Raises `UnknownNode`, `UnknownAxis`."""
+        return self.node(which.node).axis(which.number)
 
     @property
     def events(self) -> EventHub:

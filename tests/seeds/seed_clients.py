@@ -132,7 +132,7 @@ class Client:
         await self._await(together.undertaking)
 
     async def _await(self, motion: Undertaking) -> None:
-        self._world.operations.append(Operation(motion, {}))
+        self._world.operations.append(Operation(motion, self._axes(motion), {}))
         self._motions.append(motion)
         await motion.wait(self._rng.choice((0.0, 0.005, 0.3, 3.0, 20.0)))
 
@@ -140,12 +140,16 @@ class Client:
         if self._motions:
             motion = self._rng.choice(self._motions[-3:])
             books = self._world.invariants.books
-            ended, commands = motion.done, {axis: books[axis].commands for axis in motion.axes}
-            waits = isinstance(motion, Motion) and motion in motion.axis.queued and not motion.axis.making_way
+            axes = self._axes(motion)
+            ended, commands = motion.done, {axis: books[axis].commands for axis in axes}
+            waits = isinstance(motion, Motion) and motion in axes[0].queued and not axes[0].making_way
             await motion.cancel()
             if not ended and not waits:
-                for one in motion.axes:
+                for one in axes:
                     self._world.invariants.acknowledged(one, "a cancellation", commands[one])
+
+    def _axes(self, motion: Undertaking) -> list[Axis]:
+        return [self._world.network.axis(each) for each in motion.axes]
 
     # --- power and stops
 

@@ -142,7 +142,7 @@ class Invariants:
         before = 12 * (timing.sdo_queue + timing.sdo_response + timing.sdo_quarantine) + 30.0
         bound = before + together.lasts * timing.motion_factor + timing.motion_margin + timing.stuck
         for axis, goal in zip(undertaking.axes, together.goals, strict=True):
-            book = self.books[axis]
+            book = self._book(*axis)
             book.commands += 1
             book.may_turn = str(together)
             book.open.append((undertaking, self._now + bound, goal))
@@ -180,7 +180,7 @@ class Invariants:
         if isinstance(undertaking, Motion):
             return
         for axis in undertaking.axes:
-            book = self.books[axis]
+            book = self._book(*axis)
             if book.open and book.open[-1][0] is undertaking and book.void is None:
                 book.void = book.commands, self._now, str(undertaking.kind)
 
@@ -489,7 +489,7 @@ class Invariants:
         """Seconds in which a motion has ended, by `Timing`: parameters, mode, handshake and the motion."""
         timing = self._world.network.timing
         before = 6 * (timing.sdo_queue + timing.sdo_response + timing.sdo_quarantine) + 2 * timing.mode_change
-        request, config = motion.request, motion.axis.config
+        request, config = motion.request, self._world.network.axis(motion.axis).config
         match request:
             case MoveRequest():
                 velocity = request.velocity or config.velocity

@@ -12,7 +12,6 @@ from drivers.master.drive import stopping
 from drivers.master.drive.tools import AxisTools
 from drivers.master.motions.motion import Motion, MotionKind, Result, Undertaking
 from drivers.master.plan.requests import VelocityRequest
-from drivers.master.seen.evidence import Evidence
 
 Work = Coroutine[object, object, None]
 MotionWork = Callable[[Motion], Coroutine[object, object, Result]]
@@ -264,7 +263,7 @@ class Activity:
         if self._errands.current is not None or (waiting := self.line.next()) is None:
             return
         motion = waiting.motion
-        motion.evidence = Evidence(motion.axes)  # it is about what happens from here
+        motion.has_its_turn()
         try:
             waiting.begin()
         except CanaxisError as error:

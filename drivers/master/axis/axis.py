@@ -175,7 +175,7 @@ class Axis(AxisBody):
         self.config.check_rates(velocity=abs(request.velocity), acceleration=request.acceleration)
         self._require(AxisCommand.JOG)
         jogging.check_room(self._tools, request.velocity)
-        jog = Jog(self, self._tools, request, held_at, self._on_motion, undertaking_id)
+        jog = Jog(self._tools, request, held_at, self._on_motion, self._end, undertaking_id)
         self._on_motion(jog)
         self._activity.carry_out(jog, lambda _: jogging.run(self._tools, jog))
         return jog
@@ -202,6 +202,11 @@ class Axis(AxisBody):
         return self._activity.withdraw(motion, reason)
 
     # --- inside ---
+
+    async def _end(self, motion: Motion, reason: str) -> None:
+        """See `Motion.cancel`: a motion that waits is withdrawn; else the axis stops."""
+        if not self.withdraw(motion, reason):
+            await self.stop(reason)
 
     def _require(self, command: AxisCommand, *, absolute: bool = True, method: int | None = None) -> None:
         found = obstacles(self, command, absolute=absolute, method=method)
@@ -265,7 +270,7 @@ class Axis(AxisBody):
         self, kind: MotionKind, request: Request, on_busy: OnBusy, undertaking_id: str | None
     ) -> Motion:
         admission = admit(self, request, on_busy)
-        motion = Motion(kind, self, request, self._on_motion, undertaking_id)
+        motion = Motion(kind, self._tools, request, self._on_motion, self._end, undertaking_id)
         motion.prediction = expected(self, self._tools, request, admission)
         self._on_motion(motion)
         match admission:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 from drivers.bus.frame import Frame
 from drivers.cia301.objects import Address
@@ -26,7 +26,6 @@ from drivers.master.seen.emergencies import EmergencyRecord
 from drivers.master.seen.status import Adoption, AxisStatus, NodeState, Reference
 
 if TYPE_CHECKING:
-    from drivers.master.axis.axis import Axis
     from drivers.master.node.node import Node
 
 FAULT_STATES = (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE)
@@ -62,6 +61,7 @@ class AxisBody:
         parameters = DriveParameters(node.objects, number)
         current = CurrentConfig(config)
         self._tools = AxisTools(node.node_id, number, current, timing, self._drive, node.objects, parameters)
+        self.id = self._tools.id
         self._confirming: asyncio.Task[None] | None = None
         self._activity = Activity(self._tools, self.backbone.report_bug)
         self.setup = AxisSetup(self._tools, node.establisher)
@@ -322,7 +322,7 @@ class AxisBody:
 
     def _on_status(self, status: AxisStatus) -> None:
         if (motion := self.motion) is not None:
-            motion.evidence.see(cast("Axis", self), status)
+            motion.evidence.see(self.id, status)
         events = self.backbone.events
         if events.is_wanted("axis"):
             events.publish("axis", node=self.node.node_id, axis=self.number, data={"status": status})

@@ -11,7 +11,7 @@ from drivers.cia402.power import Controlword, PowerState
 from drivers.errors import AxisFault, ConfigurationRefused, MotionFailed, TransitionTimeout
 from drivers.master.drive.drive import Drive
 from drivers.master.ground.timing import Timing
-from drivers.master.ground.where import Where
+from drivers.master.ground.where import AxisId, Where
 from drivers.master.plan.boot_log import Change
 from drivers.master.plan.configuration import AxisConfig
 from drivers.master.sdo.client import Priority
@@ -121,6 +121,11 @@ class AxisTools:
     def config(self) -> AxisConfig:
         """The configuration that the axis goes by now; another may be set while it stands."""
         return self.current.value
+
+    @property
+    def id(self) -> AxisId:
+        """Which axis they are of."""
+        return AxisId(self.node_id, self.number)
 
     @property
     def where(self) -> Where:

@@ -14,8 +14,7 @@ import enum
 import math
 import statistics
 from collections import deque
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Awaitable, Callable
 
 from drivers.cia402.power import Controlword
 from drivers.errors import BadValue, BusError, CanaxisError, MotionFailed
@@ -27,9 +26,6 @@ from drivers.master.plan.configuration import INT32_MAX, INT32_MIN
 from drivers.master.plan.requests import JogRequest
 from drivers.master.seen.status import AxisStatus
 from drivers.master.seen.watch import Watchdog
-
-if TYPE_CHECKING:
-    from drivers.master.axis.axis import Axis
 
 _POLL = 0.02
 """Seconds after which the speed is bounded anew although no status came."""
@@ -88,15 +84,15 @@ class Jog(Motion):
 
     def __init__(
         self,
-        axis: Axis,
         tools: AxisTools,
         request: JogRequest,
         held_at: float,
         on_change: Callable[[Undertaking], None],
+        stop: Callable[[Motion, str], Awaitable[None]],
         undertaking_id: str | None = None,
     ) -> None:
         """`held_at`: loop time of the hold that began it; the dead man counts from there."""
-        super().__init__(MotionKind.JOG, axis, request, on_change, undertaking_id)
+        super().__init__(MotionKind.JOG, tools, request, on_change, stop, undertaking_id)
         self.acceleration = request.acceleration or tools.config.acceleration
         self.velocity = request.velocity
         """What the last hold asked for, steps/s."""
@@ -106,7 +102,7 @@ class Jog(Motion):
         """Seconds, between two holds."""
         self.holds = 1
         self._tools = tools
-        self._began_at = axis.status.position
+        self._began_at = tools.drive.status.position
         self._round_trips: deque[float] = deque(maxlen=_ROUND_TRIPS)
         self._longest_round_trip = 0.0
         self._turned_at = math.inf
@@ -156,7 +152,7 @@ class Jog(Motion):
 
     def account(self) -> Result:
         """What came of it so far."""
-        position = self.axis.status.position
+        position = self._tools.drive.status.position
         told: dict[str, int | float | bool | str] = {
             "position": position or 0,
             "travelled": (position or 0) - (self._began_at or 0),

@@ -1,6 +1,7 @@
 """What takes time on one axis or several: what was asked, how far it got, how it ended.
 
-Whoever drives it also ends it: an axis its motions, a group of axes what they do together.
+Whoever drives it also ends it: an axis its motions, a group of axes what they do together. So a motion holds
+the numbers of its axes, not the axes: what it needs of them is given to it.
 """
 
 from __future__ import annotations
@@ -9,18 +10,14 @@ import asyncio
 import enum
 import uuid
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
 
 from drivers.errors import CanaxisError
+from drivers.master.drive.tools import AxisTools
 from drivers.master.plan.prediction import Prediction
+from drivers.master.plan.requests import Request
 from drivers.master.seen.evidence import Evidence
-
-if TYPE_CHECKING:
-    from drivers.master.axis.axis import Axis
-    from drivers.master.node.node import Node
-    from drivers.master.plan.requests import Request
 
 
 class MotionKind(enum.StrEnum):
@@ -78,20 +75,20 @@ class Undertaking(ABC):
     def __init__(
         self,
         kind: MotionKind,
-        axes: tuple[Axis, ...],
+        axes: Sequence[AxisTools],
         on_change: Callable[[Undertaking], None],
         undertaking_id: str | None = None,
         *,
-        node: Node | None = None,
+        node_id: int | None = None,
     ) -> None:
         """`undertaking_id`: where it was written down before it began; None: a new one.
 
-        `node` is what it belongs to where it has no axes.
+        `node_id` is what it belongs to where it has no axes.
         """
         self.id = undertaking_id or uuid.uuid4().hex
         self.kind = kind
-        self.axes = axes
-        self.node = axes[0].node if len(axes) == 1 else node
+        self.axes = tuple(axis.id for axis in axes)
+        self.node_id = axes[0].node_id if len(axes) == 1 else node_id
         """The one node, where it is about one axis or a node as such; else None."""
         self.state = MotionState.QUEUED
         self.progress: float | None = None
@@ -104,7 +101,8 @@ class Undertaking(ABC):
         self.created = datetime.now(UTC)
         self.started: datetime | None = None
         self.ended: datetime | None = None
-        self.evidence = Evidence(axes)
+        self._drives = {axis.id: axis.drive for axis in axes}
+        self.evidence = self._begin_evidence()
         self._listeners = [on_change]
         self._end = asyncio.Event()
 
@@ -142,6 +140,10 @@ class Undertaking(ABC):
             self.started = datetime.now(UTC)
             self._tell()
 
+    def has_its_turn(self) -> None:
+        """It waited for others until now: its evidence is about what happens from here."""
+        self.evidence = self._begin_evidence()
+
     def succeed(self, result: Result) -> None:
         """It reached its end."""
         self.result = result
@@ -158,7 +160,7 @@ class Undertaking(ABC):
         error = MotionCancelled(
             f"The {self.noun} was cancelled: {reason}",
             hint="Start it again if it is still wanted.",
-            node=None if self.node is None else self.node.node_id,
+            node=self.node_id,
             axis=None if one is None else one.number,
         )
         self._finish(MotionState.CANCELLED, error)
@@ -173,6 +175,9 @@ class Undertaking(ABC):
         self._end.set()
         self._tell()
 
+    def _begin_evidence(self) -> Evidence:
+        return Evidence(lambda: {axis: drive.status for axis, drive in self._drives.items()})
+
     def _tell(self) -> None:
         for listener in self._listeners:
             listener(self)
@@ -184,17 +189,21 @@ class Motion(Undertaking):
     def __init__(
         self,
         kind: MotionKind,
-        axis: Axis,
+        axis: AxisTools,
         request: Request,
         on_change: Callable[[Undertaking], None],
+        stop: Callable[[Motion, str], Awaitable[None]],
         undertaking_id: str | None = None,
     ) -> None:
+        """`stop` ends it for a reason, at whatever point it is, and returns at standstill; raises what
+        `Axis.stop` raises.
+        """
         super().__init__(kind, (axis,), on_change, undertaking_id)
-        self.axis = axis
+        self.axis = axis.id
         self.request = request
+        self._stop = stop
 
     async def cancel(self) -> None:
         """See `Undertaking.cancel`."""
-        reason = "It was cancelled on request."
-        if not self.done and not self.axis.withdraw(self, reason):
-            await self.axis.stop(reason)
+        if not self.done:
+            await self._stop(self, "It was cancelled on request.")

@@ -169,7 +169,7 @@ class InputWait(Undertaking):
         on_change: Callable[[Undertaking], None],
         undertaking_id: str | None = None,
     ) -> None:
-        super().__init__(MotionKind.WAIT_INPUT, (), on_change, undertaking_id, node=node)
+        super().__init__(MotionKind.WAIT_INPUT, (), on_change, undertaking_id, node_id=node.node_id)
         self.condition = condition
         self.timeout_s = timeout_s
 

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
+from drivers.master.ground.where import AxisId
 from drivers.master.seen.emergencies import EmergencyRecord
 from drivers.master.seen.status import AxisStatus
 
-if TYPE_CHECKING:
-    from drivers.master.axis.axis import Axis
+Look = Callable[[], Mapping[AxisId, AxisStatus]]
+"""Says how each of the axes is at this moment."""
 
 HEAD = 32
 """Changes of the statusword that are kept from the beginning ..."""
@@ -26,7 +26,7 @@ EMERGENCIES = 16
 class Sight:
     """A statusword that differed from the one before."""
 
-    axis: Axis
+    axis: AxisId
     after_s: float
     """Seconds since the beginning."""
     statusword: int
@@ -38,7 +38,7 @@ class Sight:
 class Track:
     """One axis's way. All in steps; None where it was not known."""
 
-    axis: Axis
+    axis: AxisId
     start: int | None
     target: int | None = None
     end: int | None = None
@@ -47,24 +47,26 @@ class Track:
 class Evidence:
     """Collected by whoever drives the axes. Bounded, whatever the drives do."""
 
-    def __init__(self, axes: Sequence[Axis]) -> None:
+    def __init__(self, look: Look) -> None:
+        self._look = look
         self._born = asyncio.get_running_loop().time()
-        self.tracks = {axis: Track(axis, _position(axis)) for axis in axes}
+        now = look()
+        self.tracks = {axis: Track(axis, status.position) for axis, status in now.items()}
         self.emergencies: list[EmergencyRecord] = []
         self.left_out = 0
         """Changes of a statusword that were seen, but are not kept."""
         self._head: list[Sight] = []
         self._tail: deque[Sight] = deque(maxlen=TAIL)
-        self._last: dict[Axis, int] = {}
-        for axis in axes:
-            self.see(axis, axis.status)
+        self._last: dict[AxisId, int] = {}
+        for axis, status in now.items():
+            self.see(axis, status)
 
     @property
     def trail(self) -> tuple[Sight, ...]:
         """The changes of the statuswords, oldest first."""
         return (*self._head, *self._tail)
 
-    def see(self, axis: Axis, status: AxisStatus) -> None:
+    def see(self, axis: AxisId, status: AxisStatus) -> None:
         """A status came."""
         if self._last.get(axis) == status.statusword:
             return
@@ -82,15 +84,11 @@ class Evidence:
         if len(self.emergencies) < EMERGENCIES:
             self.emergencies.append(record)
 
-    def aim(self, axis: Axis, target: int) -> None:
+    def aim(self, axis: AxisId, target: int) -> None:
         """Where the axis is sent, steps."""
         self.tracks[axis].target = target
 
     def end(self) -> None:
         """It is over: where the axes are now."""
-        for axis, track in self.tracks.items():
-            track.end = _position(axis)
-
-
-def _position(axis: Axis) -> int | None:
-    return axis.status.position
+        for axis, status in self._look().items():
+            self.tracks[axis].end = status.position

@@ -49,9 +49,10 @@ class GroupMotion(Undertaking):
         """
         self.members = tuple(Member(axis, request) for axis, request in moves)
         require_ready(self.members, replace=replace)
-        axes = tuple(member.axis for member in self.members)
+        self._axes = axes = tuple(member.axis for member in self.members)
         first = planned(self.members, at_least)
-        super().__init__(MotionKind.COORDINATED_MOVE, axes, self._publish, undertaking_id)
+        tools = [axis.tools for axis in axes]
+        super().__init__(MotionKind.COORDINATED_MOVE, tools, self._publish, undertaking_id)
         self.prediction = _expected(first, self.members)
         self.coordination: Coordination | None = None
         """The common time, once it is known from where the axes stand."""
@@ -82,7 +83,7 @@ class GroupMotion(Undertaking):
         if self.done:
             return
         self._abort(MotionState.CANCELLED, _cancelled("It was cancelled on request."))
-        found = await asyncio.gather(*(axis.stands() for axis in self.axes), return_exceptions=True)
+        found = await asyncio.gather(*(axis.stands() for axis in self._axes), return_exceptions=True)
         await self.wait()
         for error in found:
             if isinstance(error, BaseException):
@@ -90,7 +91,7 @@ class GroupMotion(Undertaking):
 
     def give_up(self, reason: str) -> None:
         """One of the axes was stopped or given another command: it is over for all of them."""
-        left = ", ".join(axis.name for axis in self.axes if axis.motion is not self)
+        left = ", ".join(axis.name for axis in self._axes if axis.motion is not self)
         self._abort(MotionState.CANCELLED, _cancelled(f"axis {left}: {reason}" if left else reason))
 
     def fail(self, error: CanaxisError) -> None:
@@ -112,7 +113,7 @@ class GroupMotion(Undertaking):
         self._verdict = state, error
         if self._has_sync:
             self._backbone.sync.withdraw()
-        for axis in self.axes:
+        for axis in self._axes:
             if axis.motion is self:
                 try:
                     axis.begin_stop(f"It moved together with others: {error.message}")
@@ -124,7 +125,7 @@ class GroupMotion(Undertaking):
             self._task.cancel()
 
     def _prepare_over(self) -> None:
-        self._backbone.sync.make_harmless(self.axes)
+        self._backbone.sync.make_harmless(self._axes)
 
     async def _hold(self) -> None:
         """The part of an axis: to be busy with this."""
@@ -139,7 +140,7 @@ class GroupMotion(Undertaking):
             result = await self._carry_out(replaced)
             self._over.set()
             # First: whoever waits for the end may command at once.
-            while any(axis.motion is self for axis in self.axes):  # noqa: ASYNC110 - their tasks' next turn
+            while any(axis.motion is self for axis in self._axes):  # noqa: ASYNC110 - their tasks' next turn
                 await asyncio.sleep(0)
             if self._verdict is None:
                 self._prepare_over()
@@ -159,7 +160,7 @@ class GroupMotion(Undertaking):
             self._release_sync()
         try:
             await self._explain()
-            await asyncio.gather(*(axis.stands() for axis in self.axes), return_exceptions=True)
+            await asyncio.gather(*(axis.stands() for axis in self._axes), return_exceptions=True)
         finally:
             self._prepare_over()
             assert self._verdict is not None, "what does not succeed has a reason"
@@ -170,7 +171,7 @@ class GroupMotion(Undertaking):
         assert self._verdict is not None
         state, error = self._verdict
         if isinstance(error, AxisFault):
-            for axis in self.axes:
+            for axis in self._axes:
                 if (axis.node.node_id, axis.number) == (error.node, error.axis):
                     await axis.tools.drive.until(lambda s: bool(s.emergencies), _EMERGENCY_WAIT)
                     if axis.status.emergencies:
@@ -187,7 +188,7 @@ class GroupMotion(Undertaking):
                 axis.take_part(self, ErrandName.MOVING, self._hold)
         await _all(member.locate() for member in self.members)
         for member in self.members:
-            self.evidence.aim(member.axis, member.target)
+            self.evidence.aim(member.axis.id, member.target)
         self.coordination = planned(self.members, self._at_least)
         self.prediction = _expected(self.coordination, self.members)
         await _all(member.configure() for member in self.members)
@@ -325,8 +326,8 @@ class GroupMotion(Undertaking):
         }
 
     def _publish(self, _: Undertaking) -> None:
-        axis = self.axes[0]
-        alone = len(self.axes) == 1
+        axis = self._axes[0]
+        alone = len(self._axes) == 1
         axis.backbone.events.publish(
             "motion",
             node=axis.node.node_id,

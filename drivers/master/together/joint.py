@@ -43,7 +43,8 @@ class Joint(Undertaking):
     """All of it or nothing. Whoever leads it has each axis take its part, and lets it succeed."""
 
     def __init__(self, kind: MotionKind, axes: Sequence[Axis], undertaking_id: str | None = None) -> None:
-        super().__init__(kind, tuple(axes), self._on_change, undertaking_id)
+        self._axes = tuple(axes)
+        super().__init__(kind, [axis.tools for axis in axes], self._on_change, undertaking_id)
         self.backbone = axes[0].backbone
         self._publish()
 
@@ -51,7 +52,7 @@ class Joint(Undertaking):
         """See `Undertaking.cancel`; every axis stands then."""
         if not self.done:
             found = await asyncio.gather(
-                *(axis.stop("It was cancelled on request.") for axis in self.axes), return_exceptions=True
+                *(axis.stop("It was cancelled on request.") for axis in self._axes), return_exceptions=True
             )
             for error in found:
                 if isinstance(error, BaseException):
@@ -59,7 +60,7 @@ class Joint(Undertaking):
 
     def occupy(self, name: ErrandName, part: Callable[[Axis], Work], guide: Guide | None = None) -> None:
         """Have every axis begin its part, before anything is awaited."""
-        for axis in self.axes:
+        for axis in self._axes:
             axis.take_part(self, name, functools.partial(part, axis), guide)
 
     def _on_change(self, _: Undertaking) -> None:
@@ -70,13 +71,13 @@ class Joint(Undertaking):
                 if self.error is None
                 else (self.error.message)
             )
-            for axis in self.axes:
+            for axis in self._axes:
                 if axis.motion is self:
                     axis.begin_stop(reason)
 
     def _publish(self) -> None:
-        first = self.axes[0]
-        alone = len(self.axes) == 1
+        first = self._axes[0]
+        alone = len(self._axes) == 1
         self.backbone.events.publish(
             "motion",
             node=first.node.node_id,

@@ -89,9 +89,9 @@ class Trajectory(Joint):
         """Take the SYNC and the axes, before anything is awaited."""
         loop = asyncio.get_running_loop()
         self.backbone.sync.claim(self._user)
-        for axis, end in zip(self.axes, self._request.survey.end, strict=True):
+        for axis, end in zip(self._axes, self._request.survey.end, strict=True):
             self._entered[axis], self._parts[axis] = loop.create_future(), loop.create_future()
-            self.evidence.aim(axis, round(end))
+            self.evidence.aim(axis.id, round(end))
         self.occupy(ErrandName.FOLLOWING, self._part, self)
         self.backbone.spawn(self._lead(), self._user)
 
@@ -123,7 +123,7 @@ class Trajectory(Joint):
     # --- each axis's part ---
 
     async def _part(self, axis: Axis) -> None:
-        index = self.axes.index(axis)
+        index = self._axes.index(axis)
         entered, part = self._entered[axis], self._parts[axis]
         try:
             await trajectory_axis.enter(axis, self._request.period_ms, self._plan.start[index])
@@ -268,12 +268,12 @@ class Trajectory(Joint):
         await self._sender.close()
         try:
             if self.state is not MotionState.SUCCEEDED and self.started is not None:
-                for axis in self.axes:
+                for axis in self._axes:
                     axis.tools.drive.note_prepared()
                 with contextlib.suppress(TimeoutError):
                     async with asyncio.timeout(_CLEARING):
-                        await asyncio.gather(*(a.stands() for a in self.axes), return_exceptions=True)
-                self.backbone.sync.make_harmless(self.axes)
+                        await asyncio.gather(*(a.stands() for a in self._axes), return_exceptions=True)
+                self.backbone.sync.make_harmless(self._axes)
         finally:
             self.backbone.sync.release(self._user)
 

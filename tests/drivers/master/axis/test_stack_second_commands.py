@@ -58,7 +58,7 @@ async def test_queued_moves_run_in_order_each_from_where_the_one_before_ended(st
     assert [m.result["position"] for m in motions if m.result] == [20_000, 15_000, 15_700]
     begun = [motion.started for motion in motions]
     assert begun == sorted(time for time in begun if time is not None)
-    assert motions[2].evidence.tracks[axis].start == 15_000
+    assert motions[2].evidence.tracks[axis.id].start == 15_000
 
 
 async def test_nothing_else_is_begun_while_something_waits(stack: Stack) -> None:

@@ -63,13 +63,14 @@ async def at_rest(stack: Stack, group: GroupMotion) -> None:
     modules = [node.module for node in stack.modules.values()]
     assert not any(axis.moving for module in modules for axis in module.axes)
     state = group.state
-    where = [axis.status.position for axis in group.axes]
+    axes = [stack.network.axis(each) for each in group.axes]
+    where = [axis.status.position for axis in axes]
     stack.wire.inject(Frame(SYNC, b""))  # nothing waits for it any more
     await asyncio.sleep(1.5)
     assert not any(axis.moving for module in modules for axis in module.axes)
-    assert [axis.status.position for axis in group.axes] == where
+    assert [axis.status.position for axis in axes] == where
     assert group.state is state
-    assert all(axis.motion is None for axis in group.axes)
+    assert all(axis.motion is None for axis in axes)
 
 
 FAST = tuple(
