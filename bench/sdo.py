@@ -34,7 +34,7 @@ from drivers.cia301 import cob
 from drivers.cia301.objects import Address
 from drivers.master.ground.router import Router
 from drivers.master.ground.timing import Timing
-from drivers.master.node.backbone import Backbone
+from drivers.master.link.backbone import Backbone
 from drivers.master.plan.configuration import NetworkConfig
 from drivers.master.sdo.client import SdoClient
 

@@ -21,7 +21,7 @@ from drivers.master.ground.counters import NetworkCounters
 from drivers.master.ground.router import Router
 from drivers.master.ground.timing import Timing
 from drivers.master.ground.where import AxisId
-from drivers.master.node.backbone import Backbone
+from drivers.master.link.backbone import Backbone
 from drivers.master.node.commissioning import verify_failsafe
 from drivers.master.node.node import Node
 from drivers.master.plan.configuration import NetworkConfig

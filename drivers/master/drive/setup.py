@@ -12,8 +12,8 @@ from typing import NamedTuple
 from drivers.cia402 import objects
 from drivers.cia402.power import PowerState, Statusword, decode_state
 from drivers.errors import NotReady, Obstacle
-from drivers.master.drive.holding import Establisher
 from drivers.master.drive.tools import AxisTools
+from drivers.master.link.holding import Establisher
 from drivers.master.plan.axis_parameters import PAIRS, Wanted, wanted
 from drivers.master.plan.configuration import AxisConfig
 from drivers.master.sdo.client import Priority

@@ -10,7 +10,7 @@ from drivers.cia301.heartbeat import consumer_entry
 from drivers.cia301.objects import Address
 from drivers.cia301.pdo import PdoConfiguration, WriteStep, pdo_mapping_index, remap_steps
 from drivers.errors import ConfigurationRefused
-from drivers.master.drive.holding import Establisher
+from drivers.master.link.holding import Establisher
 from drivers.master.plan.configuration import NetworkConfig
 from drivers.master.seen.status import Failsafe
 

@@ -24,11 +24,11 @@ from drivers.errors import (
 )
 from drivers.master.axis.axis import Axis
 from drivers.master.axis.readiness import boot_obstacles
-from drivers.master.drive.holding import Establisher
 from drivers.master.ground.counters import NodeCounters
 from drivers.master.ground.router import Router
 from drivers.master.ground.where import Where
-from drivers.master.node.backbone import Backbone
+from drivers.master.link.backbone import Backbone
+from drivers.master.link.holding import Establisher
 from drivers.master.node.common import CONSUMER_HEARTBEAT
 from drivers.master.node.guarded_objects import Guard, guard_of
 from drivers.master.node.identity import Particulars

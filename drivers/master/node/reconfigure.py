@@ -13,7 +13,7 @@ from drivers.cia301.objects import Address
 from drivers.cia402.power import PowerState
 from drivers.errors import CanaxisError, NodeAway, NotReady, Obstacle
 from drivers.master.axis.readiness import AxisCommand, obstacles, refusal
-from drivers.master.drive.holding import Establisher
+from drivers.master.link.holding import Establisher
 from drivers.master.plan.axis_parameters import Wanted, check_ranges, wanted
 from drivers.master.plan.boot_log import Change
 from drivers.master.sdo.object_access import ObjectAccess

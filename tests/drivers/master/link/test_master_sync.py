@@ -6,7 +6,7 @@ import pytest
 
 from drivers.bus.frame import Frame
 from drivers.errors import NotReady
-from drivers.master.drive.sync import SyncProducer
+from drivers.master.link.sync import SyncProducer
 
 
 def test_one_user_at_a_time_has_the_sync() -> None:

@@ -10,9 +10,9 @@ from collections.abc import Callable, Collection, Coroutine
 from drivers.bus.base import Bus
 from drivers.bus.frame import Frame
 from drivers.errors import BusError, CanaxisError
-from drivers.master.drive.sync import SyncProducer
 from drivers.master.ground.counters import NetworkCounters
 from drivers.master.ground.timing import Timing
+from drivers.master.link.sync import SyncProducer
 from drivers.master.plan.configuration import NetworkConfig
 from drivers.master.seen.events import EventHub
 from drivers.master.seen.status import StopLatch
