@@ -36,7 +36,8 @@ from drivers.master.node.waiting import switches_of
 from drivers.master.plan.boot_log import BootStep, Change, StepState
 from drivers.master.plan.prediction import Prediction
 from drivers.master.seen.emergencies import EmergencyRecord
-from drivers.master.seen.status import Adoption, StopLatch, StopReport
+from drivers.master.seen.status import Adoption
+from drivers.master.seen.stops import StopLatch, StopReport
 
 if TYPE_CHECKING:
     from app.leases.leases import Leases

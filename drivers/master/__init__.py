@@ -23,18 +23,15 @@ from drivers.master.seen.events import Event, EventHub, Subscription
 from drivers.master.seen.status import (
     Adoption,
     AxisStatus,
-    AxisStop,
     BusStatus,
     Failsafe,
     Identity,
     NodeState,
     NodeStatus,
     Reference,
-    StopLatch,
-    StopOutcome,
-    StopReport,
     Switches,
 )
+from drivers.master.seen.stops import AxisStop, StopLatch, StopOutcome, StopReport
 
 __all__ = [
     "Adoption",

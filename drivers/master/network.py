@@ -28,15 +28,8 @@ from drivers.master.plan.configuration import NetworkConfig
 from drivers.master.plan.pdo_plan import PdoPlan
 from drivers.master.plan.requests import MoveRequest
 from drivers.master.seen.events import EventHub
-from drivers.master.seen.status import (
-    AxisStop,
-    BusStatus,
-    Failsafe,
-    NodeState,
-    StopLatch,
-    StopOutcome,
-    StopReport,
-)
+from drivers.master.seen.status import BusStatus, Failsafe, NodeState
+from drivers.master.seen.stops import AxisStop, StopLatch, StopOutcome, StopReport
 from drivers.master.seen.watch import HeartbeatProducer
 from drivers.master.together.coordinated_move import GroupMotion
 

@@ -15,7 +15,7 @@ from drivers.master.ground.timing import Timing
 from drivers.master.link.sync import SyncProducer
 from drivers.master.plan.configuration import NetworkConfig
 from drivers.master.seen.events import EventHub
-from drivers.master.seen.status import StopLatch
+from drivers.master.seen.stops import StopLatch
 
 
 class Backbone:

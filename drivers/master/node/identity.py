@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from drivers.cia301.objects import Address
 from drivers.cia301.types import DataType, Value
 from drivers.devices.profile import DeviceProfile
@@ -11,7 +9,7 @@ from drivers.errors import NodeError, SdoAborted, WrongIdentity
 from drivers.master.sdo.answers import DOUBLED, AnswerWatch
 from drivers.master.sdo.client import Priority
 from drivers.master.sdo.object_access import ObjectAccess
-from drivers.master.seen.status import Identity
+from drivers.master.seen.status import Identity, Particulars
 
 DEVICE_TYPE = Address(0x1000)
 VENDOR = Address(0x1018, 1)
@@ -28,16 +26,6 @@ class DuplicateNode(NodeError):
 
     code = "duplicate_node"
     hint = "Give one of the two modules another node ID (2705h or LSS), one at a time on the bus."
-
-
-@dataclass(frozen=True, slots=True)
-class Particulars:
-    """What a node says of itself."""
-
-    identity: Identity
-    device_name: str
-    hardware_version: str
-    software_version: str
 
 
 async def identify(

@@ -31,7 +31,6 @@ from drivers.master.link.backbone import Backbone
 from drivers.master.link.holding import Establisher
 from drivers.master.node.common import CONSUMER_HEARTBEAT
 from drivers.master.node.guarded_objects import Guard, guard_of
-from drivers.master.node.identity import Particulars
 from drivers.master.node.io import Terminals
 from drivers.master.node.supervisor import NodeSupervisor
 from drivers.master.node.waiting import Waits
@@ -42,7 +41,7 @@ from drivers.master.sdo.answers import AnswerWatch
 from drivers.master.sdo.client import Priority, SdoClient
 from drivers.master.sdo.object_access import ObjectAccess
 from drivers.master.seen.emergencies import EmergencyLog, EmergencyRecord
-from drivers.master.seen.status import SETTLED, SWITCHED_OFF, Failsafe, NodeState, NodeStatus
+from drivers.master.seen.status import SETTLED, SWITCHED_OFF, Failsafe, NodeState, NodeStatus, Particulars
 
 _UNCONFIRMED = frozenset({0x8110, 0x8140})
 """Emergencies after which the module may have missed what was sent to it: an overrun, a bus-off."""
