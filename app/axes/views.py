@@ -30,9 +30,9 @@ from drivers.errors import Obstacle
 from drivers.master.axis.axis import Axis
 from drivers.master.axis.outlook import Preview
 from drivers.master.axis.readiness import AxisCommand
+from drivers.master.node.conditions import switches_of
 from drivers.master.node.io import AnalogLevel, DigitalLevel, Output
 from drivers.master.node.node import Node
-from drivers.master.node.waiting import switches_of
 from drivers.master.plan.boot_log import BootStep, Change, StepState
 from drivers.master.plan.prediction import Prediction
 from drivers.master.seen.emergencies import EmergencyRecord

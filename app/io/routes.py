@@ -18,8 +18,9 @@ from app.moves.routes import ANSWERED
 from app.operations.schemas import OperationReply
 from app.operations.starting import StarterDep
 from drivers.master.motions.motion import MotionKind
-from drivers.master.node import waiting
+from drivers.master.node import conditions
 from drivers.master.node.node import Node
+from drivers.master.node.waiting import Condition
 
 router = Router(f"{API}/nodes/{{node}}", tags=["terminals"])
 
@@ -111,10 +112,10 @@ async def wait_for_input(body: WaitBody, node: NodeDep, starter: StarterDep) -> 
     )
 
 
-def _condition(node: Node, body: WaitBody) -> waiting.Condition:
+def _condition(node: Node, body: WaitBody) -> Condition:
     if body.analog is None:
         assert body.input is not None, "the model says so"
-        return waiting.digital(node, body.input, becomes=bool(body.becomes))
+        return conditions.digital(node, body.input, becomes=bool(body.becomes))
     scale = 1.0
     if body.unit == "V":
         volts = node.terminals.volts_per_count
@@ -126,4 +127,4 @@ def _condition(node: Node, body: WaitBody) -> waiting.Condition:
             )
         scale = volts
     above, below = (None if bound is None else bound / scale for bound in (body.above, body.below))
-    return waiting.analog(node, body.analog, above=above, below=below)
+    return conditions.analog(node, body.analog, above=above, below=below)

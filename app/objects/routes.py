@@ -12,7 +12,8 @@ from app.http.documentation import KEYS, LEASES, NODE, TRANSFER, UNSAFE, problem
 from app.http.problems import ApiError
 from app.http.routing import Router
 from app.nodes.schemas import MeaningReply, ObjectBody, ObjectReply
-from drivers.master.node.node import Node, ObjectSpec
+from drivers.master import ObjectSpec
+from drivers.master.node.node import Node
 
 router = Router(f"{API}/nodes/{{node}}/objects", tags=["objects"])
 

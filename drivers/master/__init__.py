@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from drivers.devices.profile import ObjectSpec
 from drivers.master.axis.axis import Axis
 from drivers.master.axis.readiness import AxisCommand
 from drivers.master.ground.timing import Timing
@@ -61,6 +62,7 @@ __all__ = [
     "NodeConfig",
     "NodeState",
     "NodeStatus",
+    "ObjectSpec",
     "Priority",
     "Reference",
     "SetPositionRequest",

@@ -161,7 +161,10 @@ class Client:
         await axis.enable()
 
     async def _enable_all(self, axis: Axis) -> None:
-        await asyncio.gather(*(self._enable(one) for one in axis.node.axes), return_exceptions=True)
+        await asyncio.gather(
+            *(self._enable(one) for one in self._world.network.nodes[axis.id.node].axes),
+            return_exceptions=True,
+        )
 
     async def _disable(self, axis: Axis) -> None:
         book = self._world.invariants.books[axis]

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from drivers.errors import LineFull, Obstacle, Remedy
+from drivers.master.axis.body import AxisBody
 from drivers.master.axis.errands import MOTIONS, ErrandName
 from drivers.master.axis.readiness import AxisCommand, obstacles, refusal
 from drivers.master.axis.waiting_line import LONGEST
@@ -23,9 +23,6 @@ from drivers.master.plan.requests import (
     SetPositionRequest,
     VelocityRequest,
 )
-
-if TYPE_CHECKING:
-    from drivers.master.axis.axis import Axis
 
 _REFERENCING = frozenset({MotionKind.HOME, MotionKind.SET_POSITION})
 _HELD = frozenset({"busy", "turning"})
@@ -71,14 +68,16 @@ class Question:
             case JogRequest():
                 return cls(AxisCommand.JOG)
 
-    def obstacles(self, axis: Axis) -> tuple[Obstacle, ...]:
+    def obstacles(self, axis: AxisBody) -> tuple[Obstacle, ...]:
         """Everything that prevents it now, in the order of what to do first."""
         return obstacles(
             axis, self.command, absolute=self.absolute, method=self.method, from_rest=self.from_rest
         )
 
 
-def look(axis: Axis, question: Question, on_busy: OnBusy) -> tuple[Admission | None, tuple[Obstacle, ...]]:
+def look(
+    axis: AxisBody, question: Question, on_busy: OnBusy
+) -> tuple[Admission | None, tuple[Obstacle, ...]]:
     """How the command would be begun now, or (None) what prevents it.
 
     A stop, an enabling and the like are no operations: nothing replaces them or waits behind them.
@@ -107,7 +106,7 @@ def look(axis: Axis, question: Question, on_busy: OnBusy) -> tuple[Admission | N
     return Admission.QUEUE, ()
 
 
-def admit(axis: Axis, request: Request, on_busy: OnBusy) -> Admission:
+def admit(axis: AxisBody, request: Request, on_busy: OnBusy) -> Admission:
     """How the command is to be begun. Raises, as `Axis.move_to` says, where it may not be given."""
     question = Question.of(request)
     admission, found = look(axis, question, on_busy)
@@ -124,7 +123,7 @@ def admit(axis: Axis, request: Request, on_busy: OnBusy) -> Admission:
     raise refusal(axis, question.command, found)
 
 
-def _full(axis: Axis) -> Obstacle:
+def _full(axis: AxisBody) -> Obstacle:
     return Obstacle(
         "queue_full",
         f"{LONGEST} operations wait for axis {axis.name} already.",
@@ -132,7 +131,7 @@ def _full(axis: Axis) -> Obstacle:
     )
 
 
-def _left(axis: Axis) -> float:
+def _left(axis: AxisBody) -> float:
     """Seconds until what runs ends, as far as that can be told; at least 1."""
     motion = axis.motion
     if motion is None or motion.prediction is None:
@@ -140,7 +139,7 @@ def _left(axis: Axis) -> float:
     return max(1.0, motion.prediction.duration_s * (1.0 - (motion.progress or 0.0)))
 
 
-def _replaceable(axis: Axis) -> bool:
+def _replaceable(axis: AxisBody) -> bool:
     if axis.configuring or not isinstance(axis.motion, Motion | None):
         return False  # what several axes do is not one axis's to replace
     return axis.errand is None or axis.errand in MOTIONS or axis.making_way

@@ -79,7 +79,7 @@ class Axis(AxisBody):
             self._require(AxisCommand.RESET_FAULT)
         await self._join_or_begin(ErrandName.RESETTING, lambda: power.reset_fault(self._tools))
         if self.status.state not in FAULT_STATES:
-            self.node.clear_emergencies(self.number)
+            self._clear_emergencies(self.number)
 
     # --- coming to rest ---
 
@@ -91,7 +91,7 @@ class Axis(AxisBody):
         was sent all the same if the bus could), `MotionTimeout`, `TransitionTimeout`.
         """
         self.begin_stop(reason)
-        if self.node.takes_pdo_commands:
+        if self.in_reach:
             await self._activity.join_rest()
         elif self.node.takes_sdo_commands:
             await stopping.stop_by_sdo(self._tools)
@@ -109,7 +109,7 @@ class Axis(AxisBody):
             self._activity.let_go()
             self._activity.give_way("a quick stop")
             stopping.begin_quick_stop(self._tools)
-            if not self.node.takes_pdo_commands:
+            if not self.in_reach:
                 if not self.node.takes_sdo_commands:
                     raise self._away("It can't be told to stop")
                 await stopping.quick_stop_by_sdo(self._tools)
@@ -118,11 +118,6 @@ class Axis(AxisBody):
         await self._activity.join()
 
     # --- motions ---
-
-    @property
-    def queued(self) -> tuple[Motion, ...]:
-        """The motions that wait for their turn, the next first."""
-        return self._activity.line.motions
 
     def move_to(
         self,

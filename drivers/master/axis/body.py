@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from drivers.bus.frame import Frame
 from drivers.cia301.objects import Address
@@ -19,14 +18,12 @@ from drivers.master.drive.after_losses import contradiction
 from drivers.master.drive.drive import Condition, Drive
 from drivers.master.drive.setup import AxisSetup, Found
 from drivers.master.drive.tools import AxisTools, CurrentConfig, DriveParameters
+from drivers.master.link.node_link import NodeLink
 from drivers.master.motions.motion import Motion, Undertaking
 from drivers.master.plan.configuration import AxisConfig
 from drivers.master.plan.pdo_plan import AxisPdos
 from drivers.master.seen.emergencies import EmergencyRecord
 from drivers.master.seen.status import Adoption, AxisStatus, NodeState, Reference
-
-if TYPE_CHECKING:
-    from drivers.master.node.node import Node
 
 FAULT_STATES = (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE)
 
@@ -34,8 +31,17 @@ FAULT_STATES = (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE)
 class AxisBody:
     """What an axis is and does without being commanded; `Axis` adds the commands."""
 
-    def __init__(self, node: Node, number: int, config: AxisConfig, pdos: AxisPdos) -> None:
+    def __init__(
+        self,
+        node: NodeLink,
+        number: int,
+        config: AxisConfig,
+        pdos: AxisPdos,
+        clear_emergencies: Callable[[int], None],
+    ) -> None:
+        """`clear_emergencies` is told the axis's number when its faults were reset."""
         self.node = node
+        self._clear_emergencies = clear_emergencies
         self.number = number
         self.name = config.name
         self.pdos = pdos
@@ -98,6 +104,11 @@ class AxisBody:
         return self._activity.last
 
     @property
+    def queued(self) -> tuple[Motion, ...]:
+        """The motions that wait for their turn, the next first."""
+        return self._activity.line.motions
+
+    @property
     def making_way(self) -> bool:
         """Whether it comes to rest because another command replaced what ran."""
         return self._activity.making_way
@@ -117,7 +128,7 @@ class AxisBody:
         """Loop time of the last status TPDO; None: none since the node's last boot-up."""
         return self._drive.heard_at
 
-    # --- for the node ---
+    # --- what ends or joins what it does ---
 
     def begin_stop(self, reason: str) -> None:
         """The part of `stop` that needs no waiting: ends the motion, sends the halt, goes on in a task."""
@@ -126,7 +137,7 @@ class AxisBody:
             return
         self._activity.give_way("a stop")
         rest = self._activity.begin_rest()
-        if self.node.takes_pdo_commands:
+        if self.in_reach:
             self._activity.begin(ErrandName.STOPPING, rest())
 
     def expect(self, undertaking: Undertaking) -> None:
@@ -152,6 +163,33 @@ class AxisBody:
     def tools(self) -> AxisTools:
         """What a part of something larger works with."""
         return self._tools
+
+    # --- for the SYNC: see `SyncedAxis` ---
+
+    @property
+    def node_name(self) -> str:
+        """Its node's."""
+        return self.node.name
+
+    @property
+    def in_reach(self) -> bool:
+        """Whether its module takes PDOs, as far as is known."""
+        return self.node.takes_pdo_commands
+
+    @property
+    def set_point_waits(self) -> bool:
+        """Whether a set point may wait in its module for a SYNC."""
+        return self._drive.prepared
+
+    def prepare_over(self) -> None:
+        """Put what changes nothing over it. Raises `BusError`."""
+        self._drive.prepare_over()
+
+    def note_taken(self) -> None:
+        """Nothing waits in its module any more."""
+        self._drive.note_taken()
+
+    # --- for the node ---
 
     def route(self, add: Callable[[int, Callable[[Frame], None]], None]) -> None:
         """Have the status TPDOs brought here."""

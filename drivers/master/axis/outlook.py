@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from drivers.cia402 import objects
 from drivers.errors import Obstacle
 from drivers.master.axis.admission import Admission, Question, look
+from drivers.master.axis.body import AxisBody
 from drivers.master.drive.stopping import gentlest_ramp
 from drivers.master.drive.tools import AxisTools, Parameter
 from drivers.master.motions import homing, profile_position, profile_velocity
 from drivers.master.plan.boot_log import Change
 from drivers.master.plan.prediction import Prediction, predict, predict_rest
 from drivers.master.plan.requests import HomeRequest, MoveRequest, OnBusy, Request, VelocityRequest
-
-if TYPE_CHECKING:
-    from drivers.master.axis.axis import Axis
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +34,7 @@ class Preview:
     """The parameters that would be written first, with what the module is known to hold."""
 
 
-def look_ahead(axis: Axis, tools: AxisTools, request: Request, on_busy: OnBusy) -> Preview:
+def look_ahead(axis: AxisBody, tools: AxisTools, request: Request, on_busy: OnBusy) -> Preview:
     """See `Axis.preview`."""
     admission, found = look(axis, Question.of(request), on_busy)
     prediction = expected(axis, tools, request, admission or _as_if(axis, on_busy))
@@ -55,7 +52,7 @@ def look_ahead(axis: Axis, tools: AxisTools, request: Request, on_busy: OnBusy) 
     )
 
 
-def expected(axis: Axis, tools: AxisTools, request: Request, admission: Admission) -> Prediction | None:
+def expected(axis: AxisBody, tools: AxisTools, request: Request, admission: Admission) -> Prediction | None:
     """What a command that is begun like this comes to, without what it waits for."""
     status = axis.status
     match admission:
@@ -67,7 +64,7 @@ def expected(axis: Axis, tools: AxisTools, request: Request, admission: Admissio
             return predict(tools.config, request, status.position, status.velocity or 0)
 
 
-def starting_point(axis: Axis, on_busy: OnBusy) -> int | None:
+def starting_point(axis: AxisBody, on_busy: OnBusy) -> int | None:
     """Where a command would begin, steps; None: it isn't known well enough to refuse anything for it."""
     admission = _as_if(axis, on_busy)
     if admission is Admission.QUEUE:
@@ -75,7 +72,7 @@ def starting_point(axis: Axis, on_busy: OnBusy) -> int | None:
     return (axis.status.position or 0) if admission is Admission.AT_ONCE else None
 
 
-def _as_if(axis: Axis, on_busy: OnBusy) -> Admission:
+def _as_if(axis: AxisBody, on_busy: OnBusy) -> Admission:
     """How it would begin if nothing else prevented it."""
     if on_busy is OnBusy.QUEUE and axis.last is not None:
         return Admission.QUEUE
@@ -83,12 +80,12 @@ def _as_if(axis: Axis, on_busy: OnBusy) -> Admission:
     return Admission.REPLACE if on_busy is OnBusy.REPLACE and busy else Admission.AT_ONCE
 
 
-def _end_of_last(axis: Axis) -> int | None:
+def _end_of_last(axis: AxisBody) -> int | None:
     last = axis.last
     return None if last is None or last.prediction is None else last.prediction.end
 
 
-def _rest(axis: Axis, tools: AxisTools) -> int | None:
+def _rest(axis: AxisBody, tools: AxisTools) -> int | None:
     """Where a stop brings the axis to stand."""
     status = axis.status
     if status.position is None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from drivers.cia402.power import PowerState
 from drivers.errors import (
@@ -17,15 +16,12 @@ from drivers.errors import (
     Remedy,
     StopLatched,
 )
+from drivers.master.axis.body import AxisBody
 from drivers.master.axis.errands import COMING_TO_REST, MOTIONS, ErrandName
 from drivers.master.motions.homing import needs_enabled
 from drivers.master.motions.motion import Motion
 from drivers.master.plan.requests import VelocityRequest
-from drivers.master.seen.status import SWITCHED_OFF, Adoption, Failsafe, NodeState
-
-if TYPE_CHECKING:
-    from drivers.master.axis.axis import Axis
-    from drivers.master.node.node import Node
+from drivers.master.seen.status import Adoption, Failsafe, NodeState
 
 
 class AxisCommand(enum.StrEnum):
@@ -60,8 +56,7 @@ _MOTIONS = frozenset(
 )
 _AWAY = frozenset({"bus_down", "node_away", "heartbeat_stale"})
 
-
-_CLOSING = Obstacle("closing", "The service is shutting down.", "Start the service again.")
+CLOSING = Obstacle("closing", "The service is shutting down.", "Start the service again.")
 _UNREACHED = "Check the node's supply and cable; it is taken in by itself as soon as it answers."
 _BEING_TAKEN_IN = "Wait a moment: it becomes operational by itself."
 _REMEDIES = {
@@ -77,7 +72,7 @@ _REMEDIES = {
 
 
 def obstacles(
-    axis: Axis,
+    axis: AxisBody,
     command: AxisCommand,
     *,
     absolute: bool = True,
@@ -117,7 +112,7 @@ def obstacles(
     return tuple(found)
 
 
-def refusal(axis: Axis, command: AxisCommand, found: tuple[Obstacle, ...]) -> CanaxisError:
+def refusal(axis: AxisBody, command: AxisCommand, found: tuple[Obstacle, ...]) -> CanaxisError:
     """The error for these obstacles (at least one): the wire before the node before the latch before the
     rest.
     """
@@ -137,30 +132,11 @@ def refusal(axis: Axis, command: AxisCommand, found: tuple[Obstacle, ...]) -> Ca
     return NotReady(message, obstacles=found, node=node, axis=number)
 
 
-def boot_obstacles(node: Node) -> Iterator[Obstacle]:
-    """What prevents taking a node in anew: an operational one's axes must be idle and off.
-
-    A node that is not operational has nothing to lose by it, since nothing is reset.
-    """
-    if node.backbone.closing:
-        yield _CLOSING
-    if node.state is not NodeState.OPERATIONAL:
-        return
-    for axis in node.axes:
-        used = axis.errand or ("being given other settings" if axis.configuring else None)
-        if used is not None or axis.status.moving or axis.status.state not in SWITCHED_OFF:
-            yield Obstacle(
-                "in_use",
-                f"Axis {axis.name} is {used or axis.status.state or 'in no known state'}.",
-                "Disable every axis of the node first.",
-            )
-
-
-def _reach(axis: Axis) -> Iterator[Obstacle]:
+def _reach(axis: AxisBody) -> Iterator[Obstacle]:
     node = axis.node
     bus = axis.backbone.bus
     if axis.backbone.closing:
-        yield _CLOSING
+        yield CLOSING
     if not bus.state.can_send:
         yield Obstacle(
             "bus_down",
@@ -187,7 +163,7 @@ def _reach(axis: Axis) -> Iterator[Obstacle]:
         )
 
 
-def _permission(axis: Axis) -> Iterator[Obstacle]:
+def _permission(axis: AxisBody) -> Iterator[Obstacle]:
     latch = axis.backbone.stop_latched
     if latch is not None:
         yield Obstacle(
@@ -211,7 +187,7 @@ def _permission(axis: Axis) -> Iterator[Obstacle]:
         )
 
 
-def _settled(axis: Axis) -> Iterator[Obstacle]:
+def _settled(axis: AxisBody) -> Iterator[Obstacle]:
     if axis.unsettled:
         yield Obstacle(
             "settings_unsettled",
@@ -221,7 +197,7 @@ def _settled(axis: Axis) -> Iterator[Obstacle]:
         )
 
 
-def _fault(axis: Axis) -> Iterator[Obstacle]:
+def _fault(axis: AxisBody) -> Iterator[Obstacle]:
     status = axis.status
     if status.state in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE):
         causes = "; ".join(e.title for e in status.emergencies)
@@ -233,7 +209,7 @@ def _fault(axis: Axis) -> Iterator[Obstacle]:
         )
 
 
-def _busy(axis: Axis, command: AxisCommand, from_rest: bool) -> Iterator[Obstacle]:
+def _busy(axis: AxisBody, command: AxisCommand, from_rest: bool) -> Iterator[Obstacle]:
     errand = axis.errand
     takes_over = (
         command is AxisCommand.VELOCITY
@@ -268,7 +244,7 @@ def _busy(axis: Axis, command: AxisCommand, from_rest: bool) -> Iterator[Obstacl
         yield Obstacle("turning", "The axis is turning.", "Stop the axis first.", Remedy.STOP)
 
 
-def _power(axis: Axis, command: AxisCommand, method: int | None) -> Iterator[Obstacle]:
+def _power(axis: AxisBody, command: AxisCommand, method: int | None) -> Iterator[Obstacle]:
     status = axis.status
     if status.adopted is not None:
         yield _adopted(status.adopted)

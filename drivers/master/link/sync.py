@@ -8,17 +8,46 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Collection, Iterable
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from drivers.bus.frame import Frame
 from drivers.cia301 import cob, sync
 from drivers.errors import BusError, NotReady, Obstacle
 
-if TYPE_CHECKING:
-    from drivers.master.axis.body import AxisBody
-
 Send = Callable[[Frame], None]
 """Puts a frame on the bus; raises `BusError`."""
+
+
+class SyncedAxis(Protocol):
+    """An axis as the SYNC knows it: its module takes with the next one what was prepared for it."""
+
+    @property
+    def name(self) -> str:
+        """For people."""
+        ...
+
+    @property
+    def node_name(self) -> str:
+        """For people."""
+        ...
+
+    @property
+    def in_reach(self) -> bool:
+        """Whether its module takes PDOs."""
+        ...
+
+    @property
+    def set_point_waits(self) -> bool:
+        """Whether a set point may wait in the module for a SYNC."""
+        ...
+
+    def prepare_over(self) -> None:
+        """Put what changes nothing over it. Raises `BusError`."""
+        ...
+
+    def note_taken(self) -> None:
+        """Nothing waits any more."""
+        ...
 
 
 class SyncProducer:
@@ -32,9 +61,9 @@ class SyncProducer:
         """Who has it now, for people."""
         self.foreign = 0
         """SYNCs of somebody else on the bus so far."""
-        self._axes: list[AxisBody] = []
+        self._axes: list[SyncedAxis] = []
 
-    def watch(self, axis: AxisBody) -> None:
+    def watch(self, axis: SyncedAxis) -> None:
         """An axis of the bus, in whose module a set point may wait for a SYNC."""
         self._axes.append(axis)
 
@@ -48,31 +77,31 @@ class SyncProducer:
                     "Wait until that has ended, or stop it.",
                 ),
             )
-        owed = [axis for axis in self._axes if axis.tools.drive.prepared]
+        owed = [axis for axis in self._axes if axis.set_point_waits]
         return tuple(
             Obstacle(
                 "set_point_waits",
-                f"A set point may still wait in node {axis.node.name} for a SYNC, which would move axis "
+                f"A set point may still wait in node {axis.node_name} for a SYNC, which would move axis "
                 f"{axis.name}: the node went out of reach in the middle of a motion.",
                 "Bring the node back, or switch it off and on: what waits is made harmless then.",
             )
             for axis in owed
         )
 
-    def make_harmless(self, axes: Iterable[AxisBody]) -> None:
+    def make_harmless(self, axes: Iterable[SyncedAxis]) -> None:
         """Put what changes nothing over a set point that may wait in a module, and have that taken.
 
         For the axes that can be reached; the others still owe it (`obstacles`), until they are back.
         """
-        owing = [axis for axis in axes if axis.tools.drive.prepared and axis.node.takes_pdo_commands]
+        owing = [axis for axis in axes if axis.set_point_waits and axis.in_reach]
         if not owing:
             return
         with contextlib.suppress(BusError):
             for axis in owing:
-                axis.tools.drive.prepare_over()
+                axis.prepare_over()
             self.send()
             for axis in owing:
-                axis.tools.drive.note_taken()
+                axis.note_taken()
 
     def claim(self, user: str) -> None:
         """Have it for oneself until `release`. Raises `NotReady` while somebody else has it."""

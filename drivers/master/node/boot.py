@@ -8,24 +8,42 @@ from __future__ import annotations
 
 import asyncio
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 from drivers.cia301.nmt import NmtCommand, NmtState
-from drivers.errors import NodeAway
+from drivers.errors import NodeAway, Obstacle
+from drivers.master.axis.axis import Axis
+from drivers.master.axis.readiness import CLOSING
 from drivers.master.drive.setup import is_running
 from drivers.master.node import common
+from drivers.master.node.body import NodeBody
 from drivers.master.node.identity import identify
 from drivers.master.plan.boot_log import BootStepName
-from drivers.master.seen.status import Adoption, AxisStatus, NodeState
-
-if TYPE_CHECKING:
-    from drivers.master.axis.axis import Axis
-    from drivers.master.node.node import Node
+from drivers.master.seen.status import SWITCHED_OFF, Adoption, AxisStatus, NodeState
 
 _START_TRIES = 4
 
 
-async def boot_up(node: Node) -> None:
+def boot_obstacles(node: NodeBody) -> Iterator[Obstacle]:
+    """What prevents taking a node in anew: an operational one's axes must be idle and off.
+
+    A node that is not operational has nothing to lose by it, since nothing is reset.
+    """
+    if node.backbone.closing:
+        yield CLOSING
+    if node.state is not NodeState.OPERATIONAL:
+        return
+    for axis in node.axes:
+        used = axis.errand or ("being given other settings" if axis.configuring else None)
+        if used is not None or axis.status.moving or axis.status.state not in SWITCHED_OFF:
+            yield Obstacle(
+                "in_use",
+                f"Axis {axis.name} is {used or axis.status.state or 'in no known state'}.",
+                "Disable every axis of the node first.",
+            )
+
+
+async def boot_up(node: NodeBody) -> None:
     """From an answer to operational; each step's outcome is in `node.boot_log`.
 
     Raises `WrongIdentity`, `DuplicateNode`, `ConfigurationRefused`, `BadValue`, `UnknownObject`, `NodeAway`,
@@ -78,7 +96,7 @@ async def _set_parameters(axis: Axis, found: AxisStatus) -> None:
         axis.node.boot_log.note(f"{axis.name} is adopted: only what matters to its stopping was compared.")
 
 
-async def _establish_pdos(node: Node, *, keep_operational: bool) -> bool:
+async def _establish_pdos(node: NodeBody, *, keep_operational: bool) -> bool:
     """Whether a PDO had to be mapped anew.
 
     Outside NMT Operational nothing watches our heartbeat, so a node with a running axis is kept in it: each
@@ -99,13 +117,13 @@ async def _establish_pdos(node: Node, *, keep_operational: bool) -> bool:
     return True
 
 
-async def _start(node: Node) -> None:
+async def _start(node: NodeBody) -> None:
     """NMT start, repeated as it is a level. No PDO flows outside Operational, so a status is proof too."""
     each = node.backbone.timing.nmt_change / 2
     for _ in range(_START_TRIES):
         sent = asyncio.get_running_loop().time()
         node.command_nmt(NmtCommand.START)
-        if await node.axes[0].has_status(each) or (node.supervisor.operational_at or -math.inf) > sent:
+        if await node.axes[0].has_status(each) or (node.operational_at or -math.inf) > sent:
             return
     raise NodeAway(
         f"Node {node.name} did not go to NMT Operational within {_START_TRIES * each:g} s.",
@@ -114,7 +132,7 @@ async def _start(node: Node) -> None:
     )
 
 
-async def _status_of_every_axis(node: Node) -> None:
+async def _status_of_every_axis(node: NodeBody) -> None:
     patience = 5 * node.backbone.timing.pdo_event_timer
     for axis in node.axes:
         if not await axis.has_status(patience):

@@ -6,15 +6,12 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING
 
 from drivers.cia402.power import PowerState
 from drivers.errors import NotReady, Obstacle, TransitionTimeout
+from drivers.master.axis.axis import Axis
+from drivers.master.node.body import NodeBody
 from drivers.master.seen.status import Failsafe, NodeState
-
-if TYPE_CHECKING:
-    from drivers.master.axis.axis import Axis
-    from drivers.master.node.node import Node
 
 HEARTBEAT_LOST = 0x8130
 """The emergency with which a module says that it missed our heartbeat (manual §11.2)."""
@@ -24,7 +21,7 @@ _POLL = 0.02
 
 
 async def verify_failsafe(
-    node: Node, everybody: Iterable[Axis], pause: Callable[[], None], resume: Callable[[], None]
+    node: NodeBody, everybody: Iterable[Axis], pause: Callable[[], None], resume: Callable[[], None]
 ) -> Failsafe:
     """Let our heartbeat pause while the axes stand, and see whether the node faults its enabled ones.
 
@@ -59,11 +56,11 @@ async def verify_failsafe(
     return node.note_failsafe(Failsafe.VERIFIED if told and faulted else Failsafe.OFF)
 
 
-def _is_back(node: Node) -> bool:
+def _is_back(node: NodeBody) -> bool:
     return node.state is NodeState.OPERATIONAL and not any(axis.errand for axis in node.axes)
 
 
-def _obstacles(node: Node, everybody: Iterable[Axis]) -> Iterable[Obstacle]:
+def _obstacles(node: NodeBody, everybody: Iterable[Axis]) -> Iterable[Obstacle]:
     if node.state is not NodeState.OPERATIONAL:
         yield Obstacle("node_away", f"It is {node.state}.", "Wait until the node is operational.")
     if node.backbone.heartbeat_paused:

@@ -8,17 +8,14 @@ are known only where the node's configuration says what its highest value stands
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from drivers.cia301.objects import Address
-from drivers.errors import ConfigurationRefused, NodeAway, NotReady, Obstacle, StopLatched, UnknownTerminal
+from drivers.devices.meanings import Meaning
+from drivers.errors import ConfigurationRefused, NotReady, Obstacle, StopLatched, UnknownTerminal
+from drivers.master.link.node_link import NodeLink
 from drivers.master.sdo.client import Priority
-from drivers.master.seen.status import NodeState
-
-if TYPE_CHECKING:
-    from drivers.devices.meanings import Meaning
-    from drivers.master.node.node import Node
 
 DIGITAL_INPUTS = Address(0x2702)
 OUTPUT_LEVELS = Address(0x2703, 1)
@@ -70,8 +67,10 @@ class Terminals:
     Raises `NodeAway` while the node is not operational, `SdoError`, `BusError`.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: NodeLink, axes: Sequence[str]) -> None:
+        """`axes`: their names, by number."""
         self._node = node
+        self._axes = axes
         profile = node.profile
         self.digital: tuple[Meaning, ...] = profile.bits(DIGITAL_INPUTS)
         """A row for each digital input, by number."""
@@ -90,7 +89,7 @@ class Terminals:
 
     async def digital_levels(self) -> tuple[DigitalLevel, ...]:
         """Every digital input; of a pin in output mode, what the module shows there."""
-        self.require_reach()
+        self._node.require_operational()
         if not self.digital:
             return ()
         bits = _number(await self._node.read(DIGITAL_INPUTS))
@@ -101,7 +100,7 @@ class Terminals:
 
     async def analog_levels(self) -> tuple[AnalogLevel, ...]:
         """Every analog input."""
-        self.require_reach()
+        self._node.require_operational()
         return tuple(
             [
                 self.analog_level(number, _number(await self._node.read(spec.address)))
@@ -123,7 +122,7 @@ class Terminals:
 
     async def output_levels(self) -> tuple[Output, ...]:
         """Every digital output."""
-        self.require_reach()
+        self._node.require_operational()
         if not self.outputs:
             return ()
         levels = _number(await self._node.read(OUTPUT_LEVELS))
@@ -153,7 +152,7 @@ class Terminals:
         of any axis (200Ch) gives its outputs to that (§4.2.61), and which output is whose the manual doesn't
         say. Unverified on hardware.
         """
-        self.require_reach()
+        self._node.require_operational()
         if on:
             self._require_no_latch(number)
         async with self._writing:
@@ -177,12 +176,6 @@ class Terminals:
                     sub=OUTPUT_LEVELS.sub,
                 )
             return self._output(number, levels & mask, await self._held(IO_MODE))
-
-    def require_reach(self) -> None:
-        """Raise `NodeAway` while the node is not operational: what another module holds is none of ours."""
-        node = self._node
-        if node.state is not NodeState.OPERATIONAL:
-            raise NodeAway(f"Node {node.name} is {node.state}: {node.reason}", node=node.node_id)
 
     # --- inside ---
 
@@ -228,17 +221,16 @@ class Terminals:
                     f"If nothing drives that pin, set bit {number} of 2711h with every axis disabled.",
                 )
             )
-        for axis in self._node.axes:
-            if self._node.objects.has(BRAKE_CURRENTS, 1, axis.number):
+        for axis, axis_name in enumerate(self._axes):
+            if self._node.objects.has(BRAKE_CURRENTS, 1, axis):
                 currents = [
-                    await self._held(self._node.objects.address(BRAKE_CURRENTS, sub, axis.number))
-                    for sub in (1, 2)
+                    await self._held(self._node.objects.address(BRAKE_CURRENTS, sub, axis)) for sub in (1, 2)
                 ]
                 if any(currents):
                     found.append(
                         Obstacle(
                             "used_by_brake",
-                            f"The module drives the brake of axis {axis.name} with its outputs (200Ch).",
+                            f"The module drives the brake of axis {axis_name} with its outputs (200Ch).",
                             "Leave it to the brake; or set 200Ch:1 and 200Ch:2 of that axis to 0, disabled.",
                         )
                     )

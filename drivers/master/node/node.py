@@ -1,89 +1,44 @@
-"""One node as its users see it: its state, its axes, its objects. What brings it up is in `supervisor`."""
+"""One node as its users see it: commands to it as a whole, and what its frames bring.
+
+What brings it up is in `supervisor`.
+"""
 
 from __future__ import annotations
 
-import asyncio
-import copy
-from collections import deque
-from collections.abc import Sequence
-
 from drivers.bus.frame import Frame
-from drivers.cia301 import cob, heartbeat, nmt
+from drivers.cia301 import cob, heartbeat
 from drivers.cia301.emcy import Emergency
 from drivers.cia301.nmt import NmtCommand, NmtState
 from drivers.cia301.objects import Address
 from drivers.cia301.types import Value
-from drivers.devices.profile import DeviceProfile, ObjectSpec
-from drivers.errors import (
-    CanaxisError,
-    GuardedObject,
-    NodeAway,
-    NotReady,
-    SdoTimeout,
-    UnknownAxis,
-)
+from drivers.devices.profile import DeviceProfile
+from drivers.errors import CanaxisError, GuardedObject, NotReady, UnknownAxis
 from drivers.master.axis.axis import Axis
-from drivers.master.axis.readiness import boot_obstacles
-from drivers.master.ground.counters import NodeCounters
 from drivers.master.ground.router import Router
 from drivers.master.ground.where import Where
 from drivers.master.link.backbone import Backbone
-from drivers.master.link.holding import Establisher
+from drivers.master.node.body import NodeBody
+from drivers.master.node.boot import boot_obstacles
 from drivers.master.node.common import CONSUMER_HEARTBEAT
 from drivers.master.node.guarded_objects import Guard, guard_of
-from drivers.master.node.io import Terminals
 from drivers.master.node.supervisor import NodeSupervisor
-from drivers.master.node.waiting import Waits
-from drivers.master.plan.boot_log import BootLog
-from drivers.master.plan.configuration import AxisConfig, NodeConfig
+from drivers.master.plan.configuration import NodeConfig
 from drivers.master.plan.pdo_plan import NodePdos
-from drivers.master.sdo.answers import AnswerWatch
-from drivers.master.sdo.client import Priority, SdoClient
-from drivers.master.sdo.object_access import ObjectAccess
-from drivers.master.seen.emergencies import EmergencyLog, EmergencyRecord
-from drivers.master.seen.status import SETTLED, SWITCHED_OFF, Failsafe, NodeState, NodeStatus, Particulars
+from drivers.master.sdo.client import Priority
+from drivers.master.seen.emergencies import EmergencyRecord
+from drivers.master.seen.status import SETTLED, SWITCHED_OFF, NodeState
 
 _UNCONFIRMED = frozenset({0x8110, 0x8140})
 """Emergencies after which the module may have missed what was sent to it: an overrun, a bus-off."""
 
 
-class Node:
+class Node(NodeBody):
     """One module on the bus."""
 
     def __init__(
         self, config: NodeConfig, profile: DeviceProfile, pdos: NodePdos, backbone: Backbone
     ) -> None:
-        self.node_id = config.node_id
-        self.name = config.name
-        self.config = config
-        self.profile = profile
-        self.pdos = pdos
-        self.backbone = backbone
-        self.counters = NodeCounters()
-        self.sdo = SdoClient(
-            self.node_id, backbone.send, backbone.timing, self.counters.sdo, profile.abort_remedy
-        )
-        self.objects = ObjectAccess(self.node_id, profile, self.sdo)
-        self.answers = AnswerWatch(self.counters.sdo)
-        self.boot_log = BootLog(self.publish)
-        self.establisher = Establisher(self.node_id, self.objects, self.boot_log)
-        self.state = NodeState.ABSENT
-        self.reason = "It has not answered yet."
-        self.nmt_state: NmtState | None = None
-        self.failsafe = Failsafe.OFF
-        self._failsafe_seen: Failsafe | None = None
-        self.particulars: Particulars | None = None
-        self.heartbeat_stale = False
-        """Whether its heartbeat is late, though it is not yet lost."""
-        self._log = EmergencyLog(self.node_id, profile.emergencies)
-        self.axes = tuple(
-            Axis(self, number, axis_config, axis_pdos)
-            for number, (axis_config, axis_pdos) in enumerate(
-                zip(_axis_configs(config, profile), pdos.axes, strict=True)
-            )
-        )
-        self.terminals = Terminals(self)
-        self.waits = Waits(self)
+        super().__init__(config, profile, pdos, backbone)
         self.supervisor = NodeSupervisor(self)
 
     # --- for its users ---
@@ -94,47 +49,6 @@ class Node:
             if ref in (axis.number, str(axis.number), axis.name):
                 return axis
         raise UnknownAxis(f"Node {self.name} has no axis {ref!r}.", node=self.node_id)
-
-    @property
-    def emergencies(self) -> deque[EmergencyRecord]:
-        """The history, oldest first; bounded."""
-        return self._log.history
-
-    def status(self) -> NodeStatus:
-        """A snapshot."""
-        heard = self.supervisor.heard_at
-        particulars = self.particulars
-        return NodeStatus(
-            state=self.state,
-            reason=self.reason,
-            nmt_state=self.nmt_state,
-            identity=particulars.identity if particulars else None,
-            device_name=particulars.device_name if particulars else "",
-            hardware_version=particulars.hardware_version if particulars else "",
-            software_version=particulars.software_version if particulars else "",
-            serial=particulars.identity.serial if particulars else None,
-            failsafe=self.failsafe,
-            heartbeat_age_s=None if heard is None else asyncio.get_running_loop().time() - heard,
-            emergencies=self._log.all_active(),
-            boot=self.boot_log.steps,
-            counters=copy.deepcopy(self.counters),
-        )
-
-    def spec(self, index: int, sub: int) -> ObjectSpec:
-        """What the profile says of an object, by the index that the wire sees. Raises `UnknownObject`."""
-        return self.objects.spec(Address(index, sub))
-
-    async def read(self, address: Address) -> Value:
-        """Read an object; an unanswered read is tried once more.
-
-        Raises `UnknownObject`, `NodeAway`, `SdoError`.
-        """
-        self.objects.spec(address)
-        self._require_answering()
-        try:
-            return await self.objects.read(address)
-        except SdoTimeout:
-            return await self.objects.read(address)
 
     async def write(self, address: Address, value: Value, *, confirm: bool = False) -> None:
         """Write an object past the commands, once.
@@ -166,7 +80,7 @@ class Node:
             )
         await self.supervisor.take_in_now()
 
-    # --- for the network and the supervisor ---
+    # --- for the network ---
 
     def route(self, router: Router) -> None:
         """Have the node's frames brought here."""
@@ -176,82 +90,6 @@ class Node:
         router.add(cob.sdo_request(self.node_id), self._on_foreign_request)
         for axis in self.axes:
             axis.route(router.add)
-
-    def energised_after(self, moment: float) -> bool:
-        """Whether an axis said after that loop time that it holds its motor, or is about to."""
-        return any(
-            axis.heard_at is not None
-            and axis.heard_at > moment
-            and axis.status.state is not None
-            and axis.status.state not in SWITCHED_OFF
-            for axis in self.axes
-        )
-
-    @property
-    def takes_pdo_commands(self) -> bool:
-        """Whether its PDOs flow, as far as is known. Those of a duplicate do, at least of one of the two."""
-        return self.state in (NodeState.OPERATIONAL, NodeState.DUPLICATE)
-
-    @property
-    def takes_sdo_commands(self) -> bool:
-        """Whether it is the configured module and answers, though its PDOs may not flow."""
-        away = (NodeState.ABSENT, NodeState.LOST, NodeState.DUPLICATE)
-        return self.particulars is not None and self.state not in away
-
-    def enter(self, state: NodeState, reason: str = "") -> None:
-        """Change the state and say so."""
-        self.state, self.reason = state, reason
-        self.publish()
-
-    def publish(self) -> None:
-        """Tell the subscribers how the node is."""
-        events = self.backbone.events
-        if events.is_wanted("node"):
-            events.publish("node", node=self.node_id, data={"status": self.status()})
-
-    def command_nmt(self, command: NmtCommand) -> None:
-        """Send an NMT command to this node. Raises `BusError`."""
-        self.command(Frame(cob.NMT, nmt.encode(command, self.node_id)), True)
-
-    def command(self, frame: Frame, urgent: bool) -> None:
-        """Send what changes the node past its SDO channel. Raises `BusError`."""
-        self.sdo.note_command()
-        self.backbone.send(frame, urgent)
-
-    def interrupt(self, error: CanaxisError, *, stop: bool) -> None:
-        """End what every axis does, and what is waited for."""
-        self.waits.fail(error)
-        for axis in self.axes:
-            axis.interrupt(error, stop=stop)
-
-    def clear_emergencies(self, axis: int | None) -> None:
-        """The faults of an axis were reset."""
-        self._log.clear(axis)
-        self._tell_axes(None)
-
-    def note_armed(self, armed: Failsafe) -> None:
-        """The fail-safe was configured; what a check found since the last boot-up goes on counting."""
-        self.failsafe = armed if self._failsafe_seen is None else self._failsafe_seen
-
-    def note_failsafe(self, seen: Failsafe) -> Failsafe:
-        """A check has shown whether the fail-safe works."""
-        self.failsafe = self._failsafe_seen = seen
-        self.publish()
-        return seen
-
-    def forget(self) -> None:
-        """The module started anew: nothing that it held or said before counts."""
-        self._failsafe_seen = None
-        self.answers.forget()
-        self._log.clear_all()
-        self._tell_axes(None)
-        known = self.particulars is not None
-        for axis in self.axes:
-            axis.forget(reference_lost=known)
-
-    def is_away(self, what: str) -> NodeAway:
-        """The error for what can't be done without the node."""
-        return NodeAway(f"Node {self.name}: {what}", node=self.node_id)
 
     async def release(self) -> None:
         """Take leave of a node whose axes are off: then the end of our heartbeat is no error to it (1016h).
@@ -275,7 +113,7 @@ class Node:
         for axis in self.axes:
             await axis.close()
 
-    # --- inside ---
+    # --- what its frames bring ---
 
     def _on_heartbeat(self, frame: Frame) -> None:
         state = heartbeat.decode(frame.data)
@@ -319,14 +157,7 @@ class Node:
         for axis in self.axes:
             axis.confirm(record)
 
-    def _tell_axes(self, newest: EmergencyRecord | None) -> None:
-        for axis in self.axes:
-            if newest is None or newest.axis is None or newest.axis == axis.number:
-                axis.on_emergencies(self._log.active(axis.number), newest)
-
-    def _require_answering(self) -> None:
-        if self.state in (NodeState.ABSENT, NodeState.LOST):
-            raise NodeAway(f"Node {self.name} is {self.state}: {self.reason}", node=self.node_id)
+    # --- inside ---
 
     def _check_guard(self, address: Address, *, confirm: bool) -> None:
         where: Where = {"node": self.node_id, "index": address.index, "sub": address.sub}
@@ -359,9 +190,3 @@ class Node:
                 hint="Disable every axis of the node first.",
                 **where,
             )
-
-
-def _axis_configs(config: NodeConfig, profile: DeviceProfile) -> Sequence[AxisConfig]:
-    configured = config.axes[: profile.axes]
-    missing = range(len(configured), profile.axes)
-    return (*configured, *(AxisConfig(name=f"axis{number}") for number in missing))

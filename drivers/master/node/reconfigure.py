@@ -7,20 +7,17 @@ A stop is never held up: it needs nothing of what is being written.
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 from drivers.cia301.objects import Address
 from drivers.cia402.power import PowerState
 from drivers.errors import CanaxisError, NodeAway, NotReady, Obstacle
+from drivers.master.axis.axis import Axis
 from drivers.master.axis.readiness import AxisCommand, obstacles, refusal
 from drivers.master.link.holding import Establisher
 from drivers.master.plan.axis_parameters import Wanted, check_ranges, wanted
 from drivers.master.plan.boot_log import Change
+from drivers.master.plan.configuration import AxisConfig
 from drivers.master.sdo.object_access import ObjectAccess
-
-if TYPE_CHECKING:
-    from drivers.master.axis.axis import Axis
-    from drivers.master.plan.configuration import AxisConfig
 
 
 class Trial(Establisher):

@@ -7,16 +7,13 @@ node is switched off.
 from __future__ import annotations
 
 import enum
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from drivers.cia301.objects import Address
-from drivers.errors import BadValue, NodeAway, NotReady
-from drivers.master.axis.readiness import boot_obstacles
+from drivers.errors import BadValue, NotReady
+from drivers.master.node.body import NodeBody
+from drivers.master.node.boot import boot_obstacles
 from drivers.master.sdo.client import Priority
-from drivers.master.seen.status import NodeState
-
-if TYPE_CHECKING:
-    from drivers.master.node.node import Node
 
 _STORE: Final = 0x1010
 _RESTORE: Final = 0x1011
@@ -36,7 +33,7 @@ class StoredGroup(enum.StrEnum):
     """Sub-index 4 and on: those of one axis."""
 
 
-async def store(node: Node, group: StoredGroup, axis: int | None = None) -> None:
+async def store(node: NodeBody, group: StoredGroup, axis: int | None = None) -> None:
     """Have the module keep what it holds now over a reset; `axis` belongs to `AXIS`.
 
     Raises `NotReady` while an axis is in use or switched on, `NodeAway`, `BadValue`, `SdoError`: a failed
@@ -45,7 +42,7 @@ async def store(node: Node, group: StoredGroup, axis: int | None = None) -> None
     await _sign(node, _STORE, _SAVE, group, axis)
 
 
-async def restore_defaults(node: Node, group: StoredGroup, axis: int | None = None) -> None:
+async def restore_defaults(node: NodeBody, group: StoredGroup, axis: int | None = None) -> None:
     """Have the module start with its defaults after its next reset. Nothing changes before that.
 
     `COMMUNICATION` has no function (manual §3.1.8). Raises as `store`.
@@ -59,11 +56,10 @@ async def restore_defaults(node: Node, group: StoredGroup, axis: int | None = No
     await _sign(node, _RESTORE, _LOAD, group, axis)
 
 
-async def _sign(node: Node, index: int, signature: int, group: StoredGroup, axis: int | None) -> None:
+async def _sign(node: NodeBody, index: int, signature: int, group: StoredGroup, axis: int | None) -> None:
     if (group is StoredGroup.AXIS) != (axis is not None):
         raise BadValue("An axis is named with the group axis, and only then.", node=node.node_id)
-    if node.state is not NodeState.OPERATIONAL:
-        raise NodeAway(f"Node {node.name} is {node.state}: {node.reason}", node=node.node_id)
+    node.require_operational()
     if found := tuple(boot_obstacles(node)):
         reasons = " ".join(obstacle.message for obstacle in found)
         raise NotReady(

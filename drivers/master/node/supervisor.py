@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from typing import TYPE_CHECKING
 
 from drivers.cia301.nmt import NmtCommand, NmtState
 from drivers.cia301.types import DataType
@@ -23,20 +22,18 @@ from drivers.errors import (
     UnknownObject,
     WrongIdentity,
 )
+from drivers.master.node.body import NodeBody
 from drivers.master.node.boot import boot_up
 from drivers.master.node.identity import DEVICE_TYPE, DuplicateNode
 from drivers.master.sdo.client import Priority
 from drivers.master.seen.status import SETTLED, Adoption, NodeState
 from drivers.master.seen.watch import Watchdog
 
-if TYPE_CHECKING:
-    from drivers.master.node.node import Node
-
 
 class NodeSupervisor:
     """Brings one node up and notices when it goes."""
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: NodeBody) -> None:
         self._node = node
         backbone = node.backbone
         self._timing = backbone.timing
@@ -53,11 +50,7 @@ class NodeSupervisor:
         self._attempts: list[asyncio.Future[None]] = []
         self._restarted_at: float | None = None
         """Loop time of a boot-up out of the blue that was not yet looked into."""
-        self.operational_at: float | None = None
-        """Loop time of the last heartbeat that said Operational."""
         self._settled_at = 0.0
-        self.heard_at: float | None = None
-        """Loop time of the last heartbeat or boot-up."""
 
     def start(self) -> None:
         """Begin looking for the node."""
@@ -94,10 +87,10 @@ class NodeSupervisor:
         """A heartbeat or boot-up came."""
         node = self._node
         now = asyncio.get_running_loop().time()
-        self.heard_at = now
+        node.heard_at = now
         self._heard.set()
         if state is NmtState.OPERATIONAL:
-            self.operational_at = now
+            node.operational_at = now
         if state is NmtState.BOOT_UP:
             self._on_boot_up(now)
         elif node.state in SETTLED:

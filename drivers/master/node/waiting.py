@@ -1,159 +1,32 @@
-"""Waiting until an input is on or off, or an analog one is above or below a value.
-
-A general-purpose input is asked for by SDO, `POLL` seconds apart, at the lowest priority. All waits of a
-network ask at the same moments, so that those for one object share one transfer: however many there are, they
-cost a node at most one read of each of its inputs each time. A pulse shorter than that may be missed. A limit
-or home switch comes by TPDO with the axis's status, and costs nothing.
-"""
+"""Waiting until something holds at a node, such as an input that is on: see `conditions`."""
 
 from __future__ import annotations
 
 import asyncio
-import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
-from drivers.cia301.objects import Address
-from drivers.errors import (
-    BadValue,
-    CanaxisError,
-    InputTimeout,
-    NotReady,
-    Obstacle,
-    SdoQueueFull,
-    SdoQueueTimeout,
-    SdoTimeout,
-)
+from drivers.errors import BadValue, CanaxisError, InputTimeout, NotReady, Obstacle
+from drivers.master.link.node_link import NodeLink
 from drivers.master.motions.motion import MotionKind, Result, Undertaking
-from drivers.master.node.io import DIGITAL_INPUTS
-from drivers.master.seen.status import AxisStatus
 
-if TYPE_CHECKING:
-    from drivers.master.axis.axis import Axis
-    from drivers.master.node.node import Node
-
-POLL = 0.05
-"""Seconds between two looks at an input that no TPDO brings."""
 MOST = 64
 """Waits that may run on one node."""
 LONGEST = 3600.0
 """Seconds that a wait may last."""
 
-_PASSING = (SdoTimeout, SdoQueueTimeout, SdoQueueFull)
-"""One look that failed: the next one may do. That the node is gone its supervisor tells."""
 
+class Condition(Protocol):
+    """What is waited for."""
 
-@dataclass(frozen=True, slots=True)
-class Level:
-    """An input that is to be on, or off."""
+    @property
+    def name(self) -> str:
+        """Of the input."""
+        ...
 
-    name: str
-    wanted: bool
-    bit: int
-    """Of 2702h."""
-
-    async def reached(self, node: Node) -> Result:
-        """Return once it is."""
-        while True:
-            value = await _look(node, DIGITAL_INPUTS)
-            if value is not None and bool(value >> self.bit & 1) is self.wanted:
-                return {"on": self.wanted}
-            await _pause()
-
-
-@dataclass(frozen=True, slots=True)
-class Threshold:
-    """An analog input that is to be above or below a value."""
-
-    name: str
-    number: int
-    above: float | None = None
-    """As the converter has it; not reached by the value itself."""
-    below: float | None = None
-
-    async def reached(self, node: Node) -> Result:
-        """Return once it is."""
-        address = node.terminals.analog[self.number].address
-        while True:
-            raw = await _look(node, address)
-            if raw is not None and self._is_met(raw):
-                volts = node.terminals.analog_level(self.number, raw).volts
-                return {"raw": raw} if volts is None else {"raw": raw, "volts": volts}
-            await _pause()
-
-    def _is_met(self, raw: int) -> bool:
-        return (self.above is not None and raw > self.above) or (self.below is not None and raw < self.below)
-
-
-@dataclass(frozen=True, slots=True)
-class SwitchLevel:
-    """A limit or home switch of an axis that is to be pressed, or not."""
-
-    name: str
-    wanted: bool
-    axis: Axis
-    switch: str
-    """A field of `Switches`."""
-
-    async def reached(self, node: Node) -> Result:
-        """Return once it is."""
-        del node
-        while not await self.axis.shows(self._is_met, LONGEST):
-            pass
-        return {"on": self.wanted}
-
-    def _is_met(self, status: AxisStatus) -> bool:
-        return not status.stale and bool(getattr(status.switches, self.switch)) is self.wanted
-
-
-Condition = Level | Threshold | SwitchLevel
-
-
-def digital(node: Node, ref: int | str, *, becomes: bool) -> Condition:
-    """The condition for a digital input by number or name, or for a switch such as ``x.home``.
-
-    Raises `BadValue` with the names that the node knows.
-    """
-    for number, row in enumerate(node.terminals.digital):
-        if ref in (number, str(number), row.title, row.name):
-            return Level(row.title, becomes, row.key)
-    switches = tuple(switches_of(node))
-    for axis, switch, name in switches:
-        if ref in (name, f"{axis.number}.{switch}"):
-            return SwitchLevel(name, becomes, axis, switch)
-    known = [row.title for row in node.terminals.digital] + [name for _, _, name in switches]
-    raise BadValue(
-        f"Node {node.name} has no input {ref!r}.", hint=f"It has {', '.join(known)}.", node=node.node_id
-    )
-
-
-def analog(node: Node, number: int, *, above: float | None, below: float | None) -> Condition:
-    """The condition for an analog input, in the converter's counts. Raises `BadValue`."""
-    inputs = node.terminals.analog
-    if not 0 <= number < len(inputs):
-        raise BadValue(
-            f"Node {node.name} has no analog input {number}.",
-            hint=f"It has {len(inputs)}, counted from 0.",
-            node=node.node_id,
-        )
-    low, high = inputs[number].minimum or 0, inputs[number].maximum or 0
-    if not (above is None or above < high) or not (below is None or below > low):
-        raise BadValue(
-            f"Analog input {number} of node {node.name} is always within {low}..{high}: it never gets there.",
-            hint="Give a value that the input can pass.",
-            node=node.node_id,
-        )
-    return Threshold(f"AIN{number}", number, above, below)
-
-
-def switches_of(node: Node) -> list[tuple[Axis, str, str]]:
-    """The limit and home switches of each axis: whose, which, and its name."""
-    return [
-        (axis, switch, f"{axis.name}.{switch}")
-        for axis in node.axes
-        for switch in ("negative_limit", "positive_limit", "home")
-    ]
+    async def reached(self) -> Result:
+        """Return once it holds. Raises `CanaxisError` where that can't be told any more."""
+        ...
 
 
 class InputWait(Undertaking):
@@ -163,7 +36,7 @@ class InputWait(Undertaking):
 
     def __init__(
         self,
-        node: Node,
+        node: NodeLink,
         condition: Condition,
         timeout_s: float,
         on_change: Callable[[Undertaking], None],
@@ -181,7 +54,7 @@ class InputWait(Undertaking):
 class Waits:
     """The waits that run on one node."""
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: NodeLink) -> None:
         self._node = node
         self._running: dict[Undertaking, asyncio.Task[None]] = {}
 
@@ -192,7 +65,7 @@ class Waits:
         node = self._node
         if not 0 < timeout_s <= LONGEST:
             raise BadValue(f"timeout_s must be above 0 and at most {LONGEST:g}.", node=node.node_id)
-        node.terminals.require_reach()
+        node.require_operational()
         if len(self._running) >= MOST:
             obstacle = Obstacle(
                 "too_many_waits", f"{MOST} waits run on node {node.name} already.", "Cancel one, or wait."
@@ -224,7 +97,7 @@ class Waits:
         wait.begin()
         try:
             async with asyncio.timeout(wait.timeout_s):
-                result = await wait.condition.reached(self._node)
+                result = await wait.condition.reached()
         except TimeoutError:
             wait.fail(self._late(wait))
         except CanaxisError as error:
@@ -251,19 +124,3 @@ class Waits:
         task = self._running.get(wait) if wait.done else None
         if task is not None and task is not asyncio.current_task():
             task.cancel()
-
-
-async def _look(node: Node, address: Address) -> int | None:
-    """The object's value; None if it did not come this time."""
-    try:
-        value = await node.read(address)
-    except _PASSING:
-        return None
-    return value if isinstance(value, int) else None
-
-
-async def _pause() -> None:
-    """Until the next moment at which everybody looks."""
-    now = asyncio.get_running_loop().time()
-    left = (math.floor(now / POLL) + 1) * POLL - now
-    await asyncio.sleep(left if left > POLL / 10 else left + POLL)

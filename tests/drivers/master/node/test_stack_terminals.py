@@ -19,8 +19,9 @@ from drivers.errors import (
     UnknownTerminal,
 )
 from drivers.master import MotionState, MoveRequest
+from drivers.master.node.conditions import POLL, analog, digital
 from drivers.master.node.io import IO_MODE, OUTPUT_LEVELS, OUTPUT_MASK
-from drivers.master.node.waiting import MOST, POLL, analog, digital
+from drivers.master.node.waiting import MOST
 
 pytestmark = pytest.mark.looptime
 
