@@ -20,7 +20,8 @@ from app.operations.starting import StarterDep
 from drivers.master.axis.axis import Axis
 from drivers.master.motions.motion import MotionKind
 from drivers.master.plan.requests import MoveRequest
-from drivers.master.together.coordinated_move import GroupMotion, GroupPrediction
+from drivers.master.together.coordinated_move import GroupMotion
+from drivers.master.together.group_prediction import GroupPrediction
 
 router = Router(API, tags=["moves"])
 

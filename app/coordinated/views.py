@@ -10,7 +10,8 @@ from app.axes.units import Scale
 from app.coordinated.schemas import MovesPrediction, PredictedAxis
 from app.http.schemas import Quantity
 from app.moves.previews import PathReply
-from drivers.master.together.coordinated_move import GroupMotion, GroupPrediction
+from drivers.master.together.coordinated_move import GroupMotion
+from drivers.master.together.group_prediction import GroupPrediction
 from drivers.master.together.member import Member
 
 _SUFFIXES = {"position": "", "target": "", "velocity": "/s", "acceleration": "/s2", "deceleration": "/s2"}

@@ -12,18 +12,17 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Awaitable, Callable, Iterable, Sequence
-from dataclasses import dataclass
 
-from drivers.errors import AxisFault, CanaxisError, MotionFailed, MotionTimeout, Obstacle
+from drivers.errors import AxisFault, CanaxisError, MotionFailed, MotionTimeout
 from drivers.master.axis.axis import Axis
 from drivers.master.axis.errands import ErrandName
 from drivers.master.drive.drive import Condition
 from drivers.master.motions.motion import MotionCancelled, MotionKind, MotionState, Result, Undertaking
-from drivers.master.plan.prediction import Prediction
 from drivers.master.plan.requests import MoveRequest
 from drivers.master.seen.status import AxisStatus
-from drivers.master.together.coordination import Coordination, coordinate
-from drivers.master.together.hindrances import SYNC_USER, check_request, hindrances, merged, require_ready
+from drivers.master.together.coordination import Coordination
+from drivers.master.together.group_prediction import expected, planned
+from drivers.master.together.hindrances import SYNC_USER, merged, require_ready
 from drivers.master.together.member import Member
 
 _TURN = 0.002
@@ -53,7 +52,7 @@ class GroupMotion(Undertaking):
         first = planned(self.members, at_least)
         tools = [axis.tools for axis in axes]
         super().__init__(MotionKind.COORDINATED_MOVE, tools, self._publish, undertaking_id)
-        self.prediction = _expected(first, self.members)
+        self.prediction = expected(first, self.members)
         self.coordination: Coordination | None = None
         """The common time, once it is known from where the axes stand."""
         self._backbone = axes[0].backbone
@@ -190,7 +189,7 @@ class GroupMotion(Undertaking):
         for member in self.members:
             self.evidence.aim(member.axis.id, member.target)
         self.coordination = planned(self.members, self._at_least)
-        self.prediction = _expected(self.coordination, self.members)
+        self.prediction = expected(self.coordination, self.members)
         await _all(member.configure() for member in self.members)
         moving = [member for member in self.members if member.moves]
         self._longest = max(moving, key=lambda member: member.way.distance, default=None)
@@ -334,49 +333,6 @@ class GroupMotion(Undertaking):
             axis=axis.number if alone else None,
             data={"motion": self},
         )
-
-
-@dataclass(frozen=True, slots=True)
-class GroupPrediction:
-    """A coordinated move that was not commanded: nothing was sent."""
-
-    coordination: Coordination
-    members: tuple[Member, ...]
-    hindrances: tuple[tuple[Axis, tuple[Obstacle, ...]], ...]
-    """What prevents it now, of each axis that something prevents."""
-
-    @classmethod
-    def of(
-        cls, moves: Sequence[tuple[Axis, MoveRequest]], *, at_least: float = 0.0, replace: bool = False
-    ) -> GroupPrediction:
-        """From where the axes were seen last. Raises `BadValue` for what no state of the axes would allow."""
-        members = tuple(Member(axis, request) for axis, request in moves)
-        check_request(members)
-        found = ((member.axis, hindrances(member, replace=replace)) for member in members)
-        return cls(planned(members, at_least), members, tuple(entry for entry in found if entry[1]))
-
-
-def planned(members: Sequence[Member], at_least: float) -> Coordination:
-    """Give every member that has a way to go its profile. Raises `BadValue` for a time that can't be kept."""
-    moving = [member for member in members if member.moves]
-    for member in members:
-        member.profile = None
-    if not moving:
-        return Coordination(0.0, ())
-    coordination = coordinate([member.way for member in moving], at_least)
-    for member, profile in zip(moving, coordination.profiles, strict=True):
-        member.profile = profile
-    return coordination
-
-
-def _expected(coordination: Coordination, members: Sequence[Member]) -> Prediction:
-    alone = members[0] if len(members) == 1 else None
-    return Prediction(
-        coordination.duration_s,
-        float(max((profile.velocity for profile in coordination.profiles), default=0)),
-        None if alone is None else alone.start,
-        None if alone is None else alone.target,
-    )
 
 
 async def _all(works: Iterable[Awaitable[object]]) -> None:
