@@ -9,23 +9,21 @@ from __future__ import annotations
 import asyncio
 import contextlib
 
-from drivers.cia301.nmt import NmtCommand, NmtState
-from drivers.cia301.types import DataType
+from drivers.cia301.nmt import NmtState
 from drivers.errors import (
     BadValue,
     BusError,
     CanaxisError,
     ConfigurationRefused,
     NodeAway,
-    SdoAborted,
     SdoError,
     UnknownObject,
     WrongIdentity,
 )
 from drivers.master.node.body import NodeBody
 from drivers.master.node.boot import boot_up
-from drivers.master.node.identity import DEVICE_TYPE, DuplicateNode
-from drivers.master.sdo.client import Priority
+from drivers.master.node.identity import DuplicateNode
+from drivers.master.node.search import find, is_alone
 from drivers.master.seen.status import SETTLED, Adoption, NodeState
 from drivers.master.seen.watch import Watchdog
 
@@ -234,7 +232,7 @@ class NodeSupervisor:
         pause = self._timing.probe_first
         while True:
             self._taking_in = False
-            await self._find()
+            await find(self._node, self._heard, self._not_found)
             self._taking_in = True
             if await self._boot():
                 return
@@ -275,25 +273,19 @@ class NodeSupervisor:
         self._tell(None)
 
     async def _is_alone(self, restarted_at: float) -> bool:
-        """After a boot-up out of the blue: whether the node did restart, or another one came under its ID.
-
-        Nothing is sent meanwhile. A node that restarted may start itself and send PDOs, but its axes are
-        switched off: one that is energised later than the worst lateness of its last words is another node's.
-        If none is, no motor is in danger, and the identification finds two that answer.
-        """
-        node, timing = self._node, self._timing
-        await asyncio.sleep(timing.sdo_quarantine + 1.5 * timing.pdo_event_timer)
-        late = restarted_at + timing.sdo_quarantine
+        """After a boot-up out of the blue: whether the node did restart, or another one came under its ID."""
+        node = self._node
+        alone = await is_alone(node, restarted_at)
         self._restarted_at = None
-        if not node.energised_after(late):
-            return True
-        self._enter_duplicate(
-            DuplicateNode(
-                f"A node has booted with the ID {node.node_id} while {node.name} went on: two nodes have it.",
-                node=node.node_id,
+        if not alone:
+            self._enter_duplicate(
+                DuplicateNode(
+                    f"A node has booted with the ID {node.node_id} while {node.name} went on: two nodes have "
+                    "it.",
+                    node=node.node_id,
+                )
             )
-        )
-        return False
+        return alone
 
     def _enter_duplicate(self, error: DuplicateNode) -> None:
         """Stop by PDO what may run, which both understand; nothing is written."""
@@ -313,44 +305,11 @@ class NodeSupervisor:
                 else:
                     attempt.set_exception(error)
 
-    async def _find(self) -> None:
-        """Probe until something answers; whatever is heard of the node ends a pause at once."""
-        node = self._node
-        pause = self._timing.probe_first
-        while True:
-            self._heard.clear()
-            if node.nmt_state is NmtState.STOPPED:
-                self._wake_from_stopped()
-            if await self._answers():
-                return
-            self._wake_from_stopped()
-            if await self._answers():
-                return
-            self._not_found()
-            with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(pause):
-                    await self._heard.wait()
-            pause = min(2 * pause, self._timing.probe_last)
-
     def _not_found(self) -> None:
         node = self._node
         if node.state is not NodeState.ABSENT and node.state is not NodeState.LOST:
             node.enter(NodeState.LOST, "It does not answer any more. Whether its motors turn is unknown.")
         self._tell(node.is_away(f"it does not answer ({node.state})."))
-
-    def _wake_from_stopped(self) -> None:
-        """A node in NMT Stopped has no SDO. It is never reset for that: its axes may be turning."""
-        with contextlib.suppress(BusError):
-            self._node.command_nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
-
-    async def _answers(self) -> bool:
-        try:
-            await self._node.objects.read_as(DEVICE_TYPE, DataType.UNSIGNED32, priority=Priority.CONFIGURE)
-        except SdoAborted:
-            return True
-        except CanaxisError:
-            return False
-        return True
 
     def _ended(self, task: asyncio.Task[None]) -> None:
         if not task.cancelled():
