@@ -10,11 +10,11 @@ from drivers.bus.frame import Frame
 from drivers.cia301.objects import Address
 from drivers.cia402.power import PowerState
 from drivers.devices.emergencies import Severity
-from drivers.errors import CanaxisError, MotionFailed, NodeAway
+from drivers.errors import CanaxisError, NodeAway
 from drivers.master.axis.activity import Activity, Guide, Work
 from drivers.master.axis.errands import ErrandName
+from drivers.master.axis.loss_check import LossCheck
 from drivers.master.drive import power, stopping
-from drivers.master.drive.after_losses import contradiction
 from drivers.master.drive.drive import Condition, Drive
 from drivers.master.drive.setup import AxisSetup, Found
 from drivers.master.drive.tools import AxisTools, CurrentConfig, DriveParameters
@@ -68,8 +68,8 @@ class AxisBody:
         current = CurrentConfig(config)
         self._tools = AxisTools(node.node_id, number, current, timing, self._drive, node.objects, parameters)
         self.id = self._tools.id
-        self._confirming: asyncio.Task[None] | None = None
         self._activity = Activity(self._tools, self.backbone.report_bug)
+        self._loss_check = LossCheck(self._tools, node.name, self._on_contradiction, self.backbone.report_bug)
         self.setup = AxisSetup(self._tools, node.establisher)
         self.backbone.sync.watch(self)
 
@@ -281,12 +281,8 @@ class AxisBody:
 
     def confirm(self, record: EmergencyRecord) -> None:
         """The module lost messages: a motion goes on only if the drive shows what was commanded last."""
-        motion = self.motion
-        if motion is None or motion.started is None or self._confirming is not None:
-            return  # nothing was commanded yet, or it is being looked at
-        self._confirming = asyncio.create_task(
-            self._confirm(motion, record), name=f"{self.name}: confirmation"
-        )
+        if self.motion is not None:
+            self._loss_check.begin(self.motion, record)
 
     def parameter_written(self, index: int, sub: int) -> None:
         """Somebody wrote an object past the commands."""
@@ -305,35 +301,16 @@ class AxisBody:
 
     async def close(self) -> None:
         """End every task."""
-        if self._confirming is not None:
-            self._confirming.cancel()
-            await asyncio.wait({self._confirming})
+        await self._loss_check.close()
         self._drive.unwatch()
         self._activity.cancel_motion("The network is being closed.")
         await self._activity.close(self._away("The network is being closed"))
 
     # --- inside ---
 
-    async def _confirm(self, motion: Undertaking, record: EmergencyRecord) -> None:
-        try:
-            wrong = await contradiction(self._tools)
-        except CanaxisError as error:
-            wrong = f"it could not be asked: {error.message}"
-        except Exception as bug:
-            self.backbone.report_bug(bug)
-            return
-        finally:
-            self._confirming = None
-        if wrong and self.motion is motion:
-            self.interrupt(
-                MotionFailed(
-                    f"Node {self.node.name} reported {record.title} ({record.code:04X}h) during the motion, "
-                    f"and what was commanded last is unconfirmed: {wrong}. A stop was sent.",
-                    hint=record.remedy,
-                    **self._tools.where,
-                ),
-                stop=True,
-            )
+    def _on_contradiction(self, motion: Undertaking, error: CanaxisError) -> None:
+        if self.motion is motion:
+            self.interrupt(error, stop=True)
 
     def _begin_disable(self, reason: str) -> None:
         self._activity.cancel_motion(reason)
