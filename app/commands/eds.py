@@ -20,7 +20,7 @@ from app.configuration.configuration import BusSettings, SettingsError, load_set
 from drivers.bus.pythoncan import PythonCanBus
 from drivers.devices.catalog import Catalog
 from drivers.devices.eds import build_eds
-from drivers.master.node.comparison import Comparison, Difference, compare
+from drivers.master.comparison import Comparison, Difference, compare
 
 MODEL = "TMCM-3216"
 

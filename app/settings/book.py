@@ -1,7 +1,7 @@
 """The axes' settings of now: those of the settings file, and over them what was set at run time.
 
 What was set at run time is kept in the store as revisions. A change is written to the modules with read-back,
-then kept, and only then gone by (`drivers.master.node.reconfigure`); if any of that fails, the old settings
+then kept, and only then gone by (`drivers.master.axis.reconfigure`); if any of that fails, the old settings
 stay everywhere.
 """
 
@@ -27,8 +27,8 @@ from app.settings.table import Overlay, Revision
 from app.store.database import Database, StoreOff
 from drivers.errors import BadValue
 from drivers.master.axis.axis import Axis
+from drivers.master.axis.reconfigure import reconfigure
 from drivers.master.network import Network
-from drivers.master.node.reconfigure import reconfigure
 from drivers.master.plan.axis_parameters import check_ranges
 from drivers.master.plan.boot_log import Change
 

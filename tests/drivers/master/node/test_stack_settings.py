@@ -13,8 +13,8 @@ from stack_kit import Stack, stack_of, until
 from drivers.cia301.objects import Address
 from drivers.errors import AxisBusy, BadValue, ConfigurationRefused, NotReady, RulesBroken
 from drivers.master import AxisConfig, HomeRequest, MotionState, MoveRequest
+from drivers.master.axis.reconfigure import reconfigure
 from drivers.master.node import storing
-from drivers.master.node.reconfigure import reconfigure
 from drivers.master.node.storing import StoredGroup
 from drivers.master.plan.gearing import Gearing
 from drivers.master.plan.prediction import predict_move

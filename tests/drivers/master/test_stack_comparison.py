@@ -14,7 +14,7 @@ from drivers.cia301.types import DataType
 from drivers.devices.catalog import Catalog
 from drivers.devices.profile import DeviceProfile, Identity, ObjectSpec
 from drivers.errors import NodeAway, WrongIdentity
-from drivers.master.node.comparison import Comparison, DifferenceKind, compare
+from drivers.master.comparison import Comparison, DifferenceKind, compare
 from drivers.sim.station import Station
 
 pytestmark = pytest.mark.looptime
