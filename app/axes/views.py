@@ -33,8 +33,8 @@ from drivers.master.axis.readiness import AxisCommand
 from drivers.master.node.conditions import switches_of
 from drivers.master.node.io import AnalogLevel, DigitalLevel, Output
 from drivers.master.node.node import Node
-from drivers.master.plan.boot_log import BootStep, Change, StepState
 from drivers.master.plan.prediction import Prediction
+from drivers.master.seen.boot_log import BootStep, Change, StepState
 from drivers.master.seen.emergencies import EmergencyRecord
 from drivers.master.seen.status import Adoption
 from drivers.master.seen.stops import StopLatch, StopReport

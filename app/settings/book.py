@@ -30,7 +30,7 @@ from drivers.master.axis.axis import Axis
 from drivers.master.axis.reconfigure import reconfigure
 from drivers.master.network import Network
 from drivers.master.plan.axis_parameters import check_ranges
-from drivers.master.plan.boot_log import Change
+from drivers.master.seen.boot_log import Change
 
 MOST_REVISIONS = 1000
 """That are listed."""

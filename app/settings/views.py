@@ -39,9 +39,9 @@ from drivers.errors import CanaxisError, SdoAborted
 from drivers.master.axis.axis import Axis
 from drivers.master.plan.axis_parameters import check_ranges
 from drivers.master.plan.axis_parameters import wanted as wanted_objects
-from drivers.master.plan.boot_log import Change
 from drivers.master.plan.configuration import AxisConfig
 from drivers.master.plan.gearing import shown
+from drivers.master.seen.boot_log import Change
 
 if TYPE_CHECKING:
     from app.service import Service

@@ -11,9 +11,9 @@ from drivers.master.axis.body import AxisBody
 from drivers.master.drive.stopping import gentlest_ramp
 from drivers.master.drive.tools import AxisTools, Parameter
 from drivers.master.motions import homing, profile_position, profile_velocity
-from drivers.master.plan.boot_log import Change
 from drivers.master.plan.prediction import Prediction, predict, predict_rest
 from drivers.master.plan.requests import HomeRequest, MoveRequest, OnBusy, Request, VelocityRequest
+from drivers.master.seen.boot_log import Change
 
 
 @dataclass(frozen=True, slots=True)

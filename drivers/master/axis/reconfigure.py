@@ -15,9 +15,9 @@ from drivers.master.axis.axis import Axis
 from drivers.master.axis.readiness import AxisCommand, obstacles, refusal
 from drivers.master.link.holding import Establisher
 from drivers.master.plan.axis_parameters import Wanted, check_ranges, wanted
-from drivers.master.plan.boot_log import Change
 from drivers.master.plan.configuration import AxisConfig
 from drivers.master.sdo.object_access import ObjectAccess
+from drivers.master.seen.boot_log import Change
 
 
 class Trial(Establisher):

@@ -12,10 +12,10 @@ from drivers.errors import AxisFault, ConfigurationRefused, MotionFailed, Transi
 from drivers.master.drive.drive import Drive
 from drivers.master.ground.timing import Timing
 from drivers.master.ground.where import AxisId, Where
-from drivers.master.plan.boot_log import Change
 from drivers.master.plan.configuration import AxisConfig
 from drivers.master.sdo.client import Priority
 from drivers.master.sdo.object_access import ObjectAccess
+from drivers.master.seen.boot_log import Change
 from drivers.master.seen.status import AxisStatus
 
 Parameter = tuple[int, int]

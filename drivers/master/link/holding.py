@@ -7,9 +7,9 @@ from typing import Protocol
 from drivers.cia301.objects import Address
 from drivers.errors import ConfigurationRefused, SdoAborted
 from drivers.master.ground.where import Where
-from drivers.master.plan.boot_log import Change
 from drivers.master.sdo.client import Priority
 from drivers.master.sdo.object_access import ObjectAccess
+from drivers.master.seen.boot_log import Change
 
 
 class ChangeLog(Protocol):

@@ -19,10 +19,10 @@ from drivers.errors import NodeAway, SdoTimeout
 from drivers.master.ground.counters import NodeCounters
 from drivers.master.link.backbone import Backbone
 from drivers.master.link.holding import Establisher
-from drivers.master.plan.boot_log import BootLog
 from drivers.master.plan.configuration import NodeConfig
 from drivers.master.sdo.client import SdoClient
 from drivers.master.sdo.object_access import ObjectAccess
+from drivers.master.seen.boot_log import BootLog
 from drivers.master.seen.emergencies import EmergencyLog, EmergencyRecord
 from drivers.master.seen.status import Failsafe, NodeState, NodeStatus, Particulars
 

@@ -18,7 +18,7 @@ from drivers.master.drive.setup import is_running
 from drivers.master.node import common
 from drivers.master.node.body import NodeBody
 from drivers.master.node.identity import identify
-from drivers.master.plan.boot_log import BootStepName
+from drivers.master.seen.boot_log import BootStepName
 from drivers.master.seen.status import SWITCHED_OFF, Adoption, AxisStatus, NodeState
 
 _START_TRIES = 4

@@ -1,1 +1,1 @@
-"""What the bus told us, with its age: statuses, emergencies, events, evidence."""
+"""What was seen, with its age: statuses, emergencies, events, evidence, what became of a boot-up."""

@@ -14,7 +14,7 @@ from drivers.cia402.modes import Mode
 from drivers.cia402.objects import DigitalInput
 from drivers.cia402.power import PowerState, Statusword, decode_state
 from drivers.master.ground.counters import NetworkCounters, NodeCounters
-from drivers.master.plan.boot_log import BootStep
+from drivers.master.seen.boot_log import BootStep
 from drivers.master.seen.emergencies import EmergencyRecord
 
 SWITCHED_OFF = frozenset(

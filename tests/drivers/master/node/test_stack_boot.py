@@ -17,7 +17,7 @@ from drivers.cia301.objects import Address
 from drivers.cia402.power import PowerState
 from drivers.errors import BusDown, ConfigurationRefused, NodeAway, NotReady, WrongIdentity
 from drivers.master import AxisConfig, Failsafe, HomeRequest, MotionState, MoveRequest, NodeState, Reference
-from drivers.master.plan.boot_log import BootStep, BootStepName, StepState
+from drivers.master.seen.boot_log import BootStep, BootStepName, StepState
 
 pytestmark = pytest.mark.looptime
 
