@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import random
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from dataclasses import replace
 
 import pytest
 from stack_kit import Stack, stack_of, until
 
+from drivers.bus.faults import cob_id
+from drivers.bus.frame import Frame
 from drivers.cia402.modes import Mode
 from drivers.errors import AxisBusy, AxisFault, BadValue, NotReady
 from drivers.master import (
@@ -19,6 +24,7 @@ from drivers.master import (
     JogRequest,
     MotionState,
     MoveRequest,
+    Timing,
     VelocityRequest,
 )
 from drivers.sim.snapshot import AxisSnapshot, take
@@ -210,3 +216,64 @@ async def test_the_axis_stays_within_its_limits_whatever_is_held() -> None:
             with pytest.raises(BadValue):
                 axis.jog(JogRequest((high - low) * direction, rate), held_at=now())
             direction = -direction
+
+
+LIMIT = 60_000
+
+
+@asynccontextmanager
+async def between_limits() -> AsyncIterator[Stack]:
+    """A module whose first axis is enabled at 0, in the middle between its software limits."""
+    axes = (AxisConfig(name="x", soft_limits=(-LIMIT, LIMIT), switch_parameters=3),)
+    async with stack_of(1, axes=axes) as stack:
+        await stack.ready()
+        await stack.axes[0].enable()
+        yield stack
+
+
+async def press_to_the_end(stack: Stack, velocity: int, rate: int) -> JogEnd | None:
+    """Hold until the jog is over by itself; why it was."""
+    jog = stack.axes[0].jog(JogRequest(velocity, rate), held_at=now())
+    while not jog.done:
+        jog.hold(velocity, now())
+        await asyncio.sleep(0.2)
+    await stack.axes[0].stop()
+    return jog.over
+
+
+def rarely(stack: Stack, seconds: float) -> None:
+    """Let the axis's position through to the master every so often only: it grows that old in between."""
+    position, last = stack.axes[0].pdos.motion.cob_id, -math.inf
+
+    def lost(frame: Frame) -> bool:
+        nonlocal last
+        if frame.cob_id != position:
+            return False
+        if now() - last < seconds:
+            return True
+        last = now()
+        return False
+
+    stack.wire.faults.drop(lost)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize(
+    ("each", "speed", "rate"), [(0.13, 50_000, 400_000), (0.3, 30_000, 100_000), (0.45, 100_000, 100_000)]
+)
+async def test_the_limit_holds_though_positions_come_rarely(
+    direction: int, each: float, speed: int, rate: int
+) -> None:
+    async with between_limits() as stack:
+        rarely(stack, each)
+        assert await press_to_the_end(stack, direction * speed, rate) is JogEnd.LIMIT
+        assert LIMIT // 2 < direction * truly(stack).place <= LIMIT
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+async def test_the_limit_holds_though_frames_take_their_longest_both_ways(direction: int) -> None:
+    async with between_limits() as stack:
+        pdos = stack.axes[0].pdos
+        stack.wire.faults.delay(cob_id(pdos.motion.cob_id, pdos.velocity.cob_id), Timing().flight)
+        assert await press_to_the_end(stack, direction * 200_000, 1_000_000) is JogEnd.LIMIT
+        assert 0.9 * LIMIT < direction * truly(stack).place <= LIMIT
