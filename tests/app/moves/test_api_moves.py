@@ -8,6 +8,8 @@ import pytest
 from api_bench import Bench, running
 
 from app.configuration.configuration import Settings
+from app.operations.register import KEPT
+from drivers.master import Motion, MotionKind, MoveRequest
 
 pytestmark = pytest.mark.looptime
 
@@ -316,3 +318,20 @@ async def test_a_node_that_comes_back_must_be_enabled_anew(bench: Bench) -> None
     assert (await bench.axis())["state"] == "switch_on_disabled"
     await bench.enable()
     assert (await bench.move(500, wait=60)).json()["state"] == "succeeded"
+
+
+async def test_what_runs_is_known_however_many_ended_since_it_began(bench: Bench) -> None:
+    await bench.enable()
+    running_for_long = (await bench.move(10_000_000)).json()["id"]
+    await bench.until_moving()
+    axis = bench.service.network.node(1).axis(1)
+    for _ in range(KEPT + 1):
+        other = Motion(MotionKind.MOVE, axis, MoveRequest(0), lambda _: None)
+        other.give_up("It was not wanted.")
+        bench.service.operations.add(other, {})
+    assert [one["id"] for one in (await bench.get("/operations?state=running")).json()["operations"]] == [
+        running_for_long
+    ]
+    cancelled = await bench.post(f"/operations/{running_for_long}/cancel")
+    assert (cancelled.status_code, cancelled.json()["state"]) == (200, "cancelled")
+    assert (await bench.axis())["moving"] is False
