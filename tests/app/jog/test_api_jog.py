@@ -528,3 +528,49 @@ async def test_a_jog_without_a_lease_ends_when_somebody_takes_one(bench: Bench) 
         assert await until_rest(bench) - held <= RAMP + LATE
         assert (await client.next("problem"))["problem"]["code"] == "leased"
         assert (await client.next("stopped"))["reason"] == "lease"
+
+
+@asynccontextmanager
+async def beginning(bench: Bench, **headers: str) -> AsyncIterator[JogClient]:
+    """An enabled axis and a client whose first hold is just being written down; it is written at the end."""
+    store, asked, on = bench.service.store, asyncio.Event(), asyncio.Event()
+    commit = store.commit
+
+    async def slowly(*statements: Any) -> bool:
+        asked.set()
+        await on.wait()
+        return await commit(*statements)
+
+    async with JogClient(bench.app, **headers) as client:
+        await client.next("hello")
+        store.commit = slowly  # pyright: ignore[reportAttributeAccessIssue]
+        client.hold()
+        await asyncio.wait_for(asked.wait(), 1)
+        store.commit = commit  # pyright: ignore[reportAttributeAccessIssue]
+        yield client
+        on.set()
+        await asyncio.sleep(SILENCE / 2)
+        assert not truly(bench).moving
+        await asyncio.sleep(SILENCE)
+    assert truly(bench).place == 0
+    assert await operations(bench) == [], "none is left behind"
+
+
+async def test_a_client_that_is_gone_before_its_jog_begins_turns_nothing(bench: Bench) -> None:
+    await bench.enable()
+    async with beginning(bench) as client:
+        client.vanish()
+        await asyncio.sleep(0.01)
+
+
+@pytest.mark.parametrize("end", ["release", "take-over"])
+async def test_a_jog_whose_lease_ends_before_it_begins_turns_nothing(bench: Bench, end: str) -> None:
+    await bench.enable()
+    leases, axis = bench.service.leases, bench.service.network.node(1).axis(0)
+    lease = await leases.take([axis], ttl_s=60, owner="anna", holder="anna")
+    async with beginning(bench, lease=lease.token) as client:
+        if end == "release":
+            await leases.release(lease.id, lease.token)
+        else:
+            await leases.take([axis], ttl_s=60, owner="bert", holder="bert", force=True)
+    assert (await client.next("problem"))["problem"]["code"] == "lease_lost"

@@ -168,18 +168,20 @@ async def test_renewed_it_lasts(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("stop", [False, True])
-async def test_released_it_stops_what_runs_only_if_asked(bench: Bench, stop: bool) -> None:
+@pytest.mark.parametrize("method", ["POST", "DELETE"])
+async def test_released_it_stops_what_runs_only_if_asked(bench: Bench, method: str, stop: bool) -> None:
     await bench.enable()
     lease = await take(bench)
     body = {"target": 9_000_000, "unit": "steps"}
     operation = (await bench.post("/nodes/1/axes/0/move", body, headers=under(lease))).json()
     await bench.until_moving()
-    if stop:
-        released = await bench.post(f"/leases/{lease['id']}/release", {"stop": True}, headers=under(lease))
+    if method == "POST":
+        released = await bench.post(f"/leases/{lease['id']}/release", {"stop": stop}, headers=under(lease))
     else:
         json = {"Content-Type": "application/json"}
-        path = f"/api/v1/leases/{lease['id']}"
+        path = f"/api/v1/leases/{lease['id']}?stop={str(stop).lower()}"
         released = await bench.client.delete(path, headers=under(lease) | json)
+    assert turns(bench, 0) is not stop, "where it stops it answers at standstill"
     assert (released.status_code, released.json()["expires_in_s"]) == (200, 0)
     told = (await bench.get(f"/operations/{operation['id']}")).json()
     assert told["state"] == ("cancelled" if stop else "running")
