@@ -41,10 +41,13 @@ def look_ahead(axis: AxisBody, tools: AxisTools, request: Request, on_busy: OnBu
     limits = tools.config.target_range
     path = None if prediction is None else prediction.path
     within = None if path is None else limits[0] <= path[0] and path[1] <= limits[1]
-    if within is False and not _runs_into_limits(request):
+    target = _target(request, prediction)
+    if target is not None and not limits[0] <= target <= limits[1]:
         low, high = limits
         beyond = Obstacle(
-            "beyond_limits", f"The way leaves {low}..{high} steps.", "Choose a target within the limits."
+            "beyond_limits",
+            f"It would end at {target}, beyond {low}..{high} steps.",
+            "Choose a target within the limits.",
         )
         admission, found = None, (beyond, *found)
     return Preview(
@@ -95,9 +98,15 @@ def _rest(axis: AxisBody, tools: AxisTools) -> int | None:
     )
 
 
-def _runs_into_limits(request: Request) -> bool:
-    """Whether the limits end it on its way, so that it isn't refused for its path."""
-    return isinstance(request, VelocityRequest) and request.travel is None
+def _target(request: Request, prediction: Prediction | None) -> int | None:
+    """What the limits are asked about before it begins, steps; None: nothing, or it isn't known yet.
+
+    Where its way leads through doesn't count: an axis beyond its limits may move back.
+    """
+    aims = isinstance(request, MoveRequest) or (
+        isinstance(request, VelocityRequest) and request.travel is not None
+    )
+    return prediction.end if aims and prediction is not None else None
 
 
 def _needed(tools: AxisTools, request: Request) -> dict[Parameter, int]:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from typing import Any
 
 import httpx
 import pytest
-from api_bench import Bench
+from api_bench import Bench, running
 
+from app.configuration.configuration import Settings
 from drivers.master.axis.waiting_line import LONGEST
 
 pytestmark = pytest.mark.looptime
@@ -165,6 +168,59 @@ async def test_a_dry_run_of_each_kind_and_each_choice(bench: Bench) -> None:
     assert begins == {"reject": None, "replace": "replace", "queue": "queue"}
     assert looked["start"]["steps"] == 50_000
     assert (await state(bench, running))["state"] == "succeeded", "nothing touched it"
+
+
+@asynccontextmanager
+async def between(low: int, high: int) -> AsyncIterator[Bench]:
+    """A service whose axis 0 stands, enabled, at 0, and may be sent to `low`..`high` steps."""
+    axes = [{"name": "x", "soft_limits": [low, high]}, {"name": "y"}]
+    settings = Settings.model_validate({"nodes": [{"id": 1, "name": "stage", "axes": axes}]})
+    async with running(settings) as bench:
+        await bench.until_ready()
+        await bench.enable("0", "1")
+        yield bench
+
+
+async def look(bench: Bench, verb: str, body: dict[str, Any]) -> dict[str, Any]:
+    looked = await bench.post(f"{AXIS}/{verb}?dry_run=true", {"unit": "steps", **body})
+    assert looked.status_code == 200, looked.text
+    return looked.json()
+
+
+@pytest.mark.parametrize("velocity", [20_000, -20_000])
+async def test_a_dry_run_says_whether_the_whole_way_is_within_the_limits(velocity: int) -> None:
+    async with between(-30_000, 30_000) as bench:
+        short = await look(bench, "velocity", {"velocity": velocity, "duration_s": 1})
+        assert short["path"]["within"] is True
+        long = await look(bench, "velocity", {"velocity": velocity, "duration_s": 2})
+        assert long["path"]["within"] is False, "one end of it is beyond"
+        assert long["accepted"] is True, "the limits end it on its way"
+
+
+@pytest.mark.parametrize(("low", "high"), [(1000, 9000), (-9000, -1000)])
+async def test_a_dry_run_of_several_axes_says_whose_way_is_within_its_limits(low: int, high: int) -> None:
+    async with between(low, high) as bench:
+        middle = (low + high) // 2
+        targets = [{"node": "stage", "axis": name, "target": middle, "unit": "steps"} for name in "xy"]
+        said = (await bench.post("/moves?dry_run=true", {"targets": targets})).json()
+        assert [axis["path"]["within"] for axis in said["axes"]] == [False, True]
+
+
+@pytest.mark.parametrize(("low", "high"), [(1000, 9000), (-9000, -1000)])
+async def test_an_axis_beyond_its_limits_may_move_back_and_a_dry_run_says_so(low: int, high: int) -> None:
+    async with between(low, high) as bench:
+        back = {"target": (low + high) // 2}
+        looked = await look(bench, "move", back)
+        assert (looked["accepted"], looked["obstacles"]) == (True, [])
+        assert looked["path"]["within"] is False
+        home = (await bench.post(f"{AXIS}/home?dry_run=true", {"method": 35})).json()
+        assert home["accepted"] is True
+        for beyond in ({"target": 0}, {"target": 2 * (low + high), "relative": True}):
+            refused = await look(bench, "move", beyond)
+            assert (refused["accepted"], refused["begins"]) == (False, None)
+            assert [one["code"] for one in refused["obstacles"]] == ["beyond_limits"]
+            assert (await bench.post(f"{AXIS}/move", {"unit": "steps", **beyond})).status_code == 422
+        assert (await bench.move(**back, wait=60)).json()["state"] == "succeeded"
 
 
 # --- remedies
