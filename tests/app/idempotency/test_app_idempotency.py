@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from contextlib import AsyncExitStack
 from pathlib import Path
 
 import httpx
@@ -262,18 +263,27 @@ async def test_a_store_that_is_off_leaves_keys_in_memory_and_gets_them_when_it_i
     path = tmp_path / "not yet" / "keys.db"
     path.parent.write_text("a file where a directory should be")
     store = Database(path, retry=0.01)
-    await store.open()
-    assert not store.health.on
-    keys = Keys()
-    await keys.open(store)
-    claim = await begun(keys, "a")
-    assert await keys.find("a") is claim.record
-    back = asyncio.Event()
-    store.on_return.append(back.set)
-    path.parent.unlink()
-    await asyncio.wait_for(back.wait(), 10)
-    assert [name for name, _ in await names(store, 0, 10)] == ["a"]
-    await store.close()
+    async with AsyncExitStack() as end:
+        await store.open()
+        end.push_async_callback(store.close)
+        assert not store.health.on
+        keys = Keys()
+        await keys.open(store)
+        claim = await begun(keys, "answered")
+        await begun(keys, "in flight", None)
+        assert await keys.find("answered") is claim.record
+        back = asyncio.Event()
+        store.on_return.append(back.set)
+        path.parent.unlink()
+        await asyncio.wait_for(back.wait(), 10)
+        following = Keys()
+        await following.open(store)
+        answered, in_flight = await following.find("answered"), await following.find("in flight")
+    assert answered is not None
+    assert (answered.fingerprint, answered.status, answered.body) == (b"f", 200, b"answer")
+    assert answered.headers == claim.record.headers
+    assert in_flight is not None
+    assert in_flight.status == 503, "that nobody knows what became of it"
 
 
 HOLD_NO_KEY = {"issue_ticket", "diff_settings"}

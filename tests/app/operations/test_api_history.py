@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import sqlite3
 from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,7 +13,9 @@ import pytest
 from api_bench import Bench, running
 
 from app.configuration.configuration import Settings, StoreSettings
-from app.store.database import Statement
+from app.operations.register import OperationRegister
+from app.store.database import Database, Statement
+from drivers.master import Motion, MotionKind, MoveRequest
 
 pytestmark = pytest.mark.looptime
 
@@ -180,6 +184,27 @@ async def test_a_broken_store_stops_no_motor_and_says_that_history_is_off(bench:
     assert "History is off" in ready.json()["warnings"][0]
     assert (await bench.get("/operations/0123")).status_code == 503
     assert (await bench.post("/stop")).status_code == 200
+
+
+async def test_what_the_store_missed_is_written_when_it_is_back(bench: Bench, tmp_path: Path) -> None:
+    folder = tmp_path / "not yet"
+    folder.write_text("a file where a folder should be")
+    store = Database(folder / "canaxis.db", retry=0.01)
+    async with AsyncExitStack() as end:
+        await store.open()
+        end.push_async_callback(store.close)
+        missing, back = OperationRegister(store), asyncio.Event()
+        store.on_return.append(back.set)
+        axis = bench.service.network.node(1).axis(0)
+        motions = [Motion(MotionKind.MOVE, axis, MoveRequest(0), lambda _: None) for _ in range(2)]
+        for motion in motions:
+            missing.add(motion, {"target": 0})
+        motions[0].give_up("It was not wanted.")
+        folder.unlink()
+        await asyncio.wait_for(back.wait(), 10)
+        found = [await OperationRegister(store).get(motion.id) for motion in motions]
+    assert [operation.state.value for operation in found] == ["cancelled", "queued"]
+    assert found[0] == missing.reply_for(motions[0])
 
 
 async def test_old_ones_are_pruned_by_age_and_by_number(path: Path) -> None:
