@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from queue import Queue
+from types import SimpleNamespace
 
 import httpx
 import pytest
@@ -64,6 +66,29 @@ def test_once_it_is_lost_the_next_command_says_so_and_is_not_sent() -> None:
     scripted = Scripted(lambda: httpx.Response(423, json=LOST))
     with scripted.client.lease(("stage", "x"), ttl=0.03) as lease:
         assert scripted.renewed.wait(10)
+        lease._renewing.join(10)
+        assert lease.lost
+        before = len(scripted.sent)
+        with pytest.raises(LeaseLost):
+            lease.node("stage").axis("x").enable()
+        assert len(scripted.sent) == before
+
+
+def test_one_that_could_not_be_renewed_is_lost_when_its_time_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, ttl = 100.0, 0.03
+    monkeypatch.setattr("canaxis.blocking.client.time", SimpleNamespace(monotonic=lambda: now))
+    failures: Queue[None] = Queue()
+
+    def unreachable() -> httpx.Response:
+        failures.put(None)
+        raise httpx.ConnectError("no route")
+
+    scripted = Scripted(unreachable)
+    with scripted.client.lease(("stage", "x"), ttl=ttl) as lease:
+        for _ in range(2):  # the second is tried only after the first was found to be no loss
+            failures.get(timeout=10)
+        assert not lease.lost, "the next renewal may be in time still"
+        now += ttl
         lease._renewing.join(10)
         assert lease.lost
         before = len(scripted.sent)
