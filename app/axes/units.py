@@ -14,8 +14,10 @@ from typing import Any
 from app.http.problems import ApiError
 from app.http.schemas import Quantity
 from drivers.master.axis.axis import Axis
+from drivers.master.axis.outlook import starting_point
 from drivers.master.plan.configuration import AxisConfig
 from drivers.master.plan.gearing import STEPS, exact, shown
+from drivers.master.plan.requests import OnBusy
 
 _BEYOND = 2**63
 """Steps that no object could hold."""
@@ -110,26 +112,35 @@ class Scale:
 class Meant:
     """Where the last move of each axis was meant to end, in parts of a step.
 
-    A relative move of an axis that stands where it was sent starts from what was meant: ten moves by a third
-    of a step end where one by ten thirds does, at most half a step from it. An axis that stands anywhere else
-    (after a stop, a homing, a jog) starts from there.
+    A relative move that begins where the axis was sent starts from what was meant: ten moves by a third of a
+    step end where one by ten thirds does, at most half a step from it, queued ones too. One that begins
+    anywhere else (after a stop, a homing, a jog) starts from there.
     """
 
     def __init__(self) -> None:
         self._places: dict[Axis, Fraction] = {}
 
-    def target(self, axis: Axis, target: Fraction, *, relative: bool) -> tuple[int, Fraction]:
-        """The steps that a move is commanded with, and the position that is meant."""
+    def target(
+        self, axis: Axis, target: Fraction, on_busy: OnBusy, *, relative: bool
+    ) -> tuple[int, Fraction | None]:
+        """The steps that a move is commanded with, and the position that is meant; None: where it will begin
+        is not known.
+        """
         if not relative:
             return round(target), target
-        position = axis.status.position or 0
+        begins_at = starting_point(axis, on_busy)
+        if begins_at is None:
+            return round(target), None
         last = self._places.get(axis)
-        start = last if last is not None and round(last) == position else Fraction(position)
-        return round(start + target) - position, start + target
+        start = last if last is not None and round(last) == begins_at else Fraction(begins_at)
+        return round(start + target) - begins_at, start + target
 
-    def sent(self, axis: Axis, meant: Fraction) -> None:
-        """The axis was told to go there."""
-        self._places[axis] = meant
+    def sent(self, axis: Axis, meant: Fraction | None) -> None:
+        """The axis was told to go there, behind everything else that it was told."""
+        if meant is None:
+            self._places.pop(axis, None)
+        else:
+            self._places[axis] = meant
 
 
 def _either(words: list[str]) -> str:

@@ -19,7 +19,7 @@ from app.operations.schemas import OperationReply
 from app.operations.starting import StarterDep
 from drivers.master.axis.axis import Axis
 from drivers.master.motions.motion import MotionKind
-from drivers.master.plan.requests import MoveRequest
+from drivers.master.plan.requests import MoveRequest, OnBusy
 from drivers.master.together.coordinated_move import GroupMotion
 from drivers.master.together.group_prediction import GroupPrediction
 
@@ -49,12 +49,13 @@ async def move_together(
     All or nothing: what prevents one axis prevents all, and whatever stops one later stops all.
     """
     moves: list[tuple[Axis, MoveRequest]] = []
-    aims: list[tuple[Axis, Fraction]] = []
+    aims: list[tuple[Axis, Fraction | None]] = []
     asked: list[dict[str, Any]] = []
     for each in body.targets:
         axis = find_axis(service, str(each.node), str(each.axis))
         scale = Scale.named(each.unit, axis.config)
-        target, aim = starter.meant.target(axis, scale.exact("target", each.target), relative=each.relative)
+        wanted = scale.exact("target", each.target)
+        target, aim = starter.meant.target(axis, wanted, OnBusy(body.on_busy), relative=each.relative)
         request = MoveRequest(
             target=target,
             relative=each.relative,

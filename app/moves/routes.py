@@ -67,7 +67,9 @@ async def move_axis(
     operation before it ends.
     """
     scale = Scale.named(body.unit, axis.config)
-    target, aim = starter.meant.target(axis, scale.exact("target", body.target), relative=body.relative)
+    on_busy = OnBusy(body.on_busy)
+    wanted = scale.exact("target", body.target)
+    target, aim = starter.meant.target(axis, wanted, on_busy, relative=body.relative)
     request = MoveRequest(
         target=target,
         relative=body.relative,
@@ -76,14 +78,12 @@ async def move_axis(
         deceleration=scale.rate("deceleration", body.deceleration),
     )
     asked = body.model_dump(exclude_none=True) | scale.commanded("target", body.target, request.target)
-    on_busy = OnBusy(body.on_busy)
     if dry_run:
         return starter.preview(MotionKind.MOVE, axis, asked, request, on_busy)
 
     def begin(operation_id: str) -> Motion:
         motion = axis.move_to(request, on_busy=on_busy, undertaking_id=operation_id)
-        if not (body.relative and axis.last is not motion):
-            starter.meant.sent(axis, aim)
+        starter.meant.sent(axis, aim)
         return motion
 
     return await starter.start(MotionKind.MOVE, axis, asked, begin)

@@ -128,10 +128,21 @@ async def test_units_are_the_axis_own_or_steps() -> None:
         assert "mm" in refused.json()["hint"]
 
 
+GEARED = Settings.model_validate(
+    {
+        "nodes": [
+            {
+                "id": 1,
+                "name": "stage",
+                "axes": [{"name": "x", "unit": "mm", "gear": "3:1", "pitch": "7 mm", "velocity": "50 mm/s"}],
+            }
+        ]
+    }
+)
+
+
 async def test_a_geared_axis_is_told_in_any_of_its_units_and_relative_moves_add_no_rounding_up() -> None:
-    axis = {"name": "x", "unit": "mm", "gear": "3:1", "pitch": "7 mm", "velocity": "50 mm/s"}
-    settings = Settings.model_validate({"nodes": [{"id": 1, "name": "stage", "axes": [axis]}]})
-    async with running(settings) as bench:
+    async with running(GEARED) as bench:
         await bench.until_ready()
         await bench.enable("x")
         done = (await bench.post("/nodes/1/axes/x/move?wait=60", {"target": 0.5, "unit": "turns"})).json()
@@ -144,6 +155,34 @@ async def test_a_geared_axis_is_told_in_any_of_its_units_and_relative_moves_add_
         assert done["result"]["position"]["steps"] == round(5 * 10 * 3 * 51_200 / 7000) == 1097
         assert done["request"]["target_steps"] == 219
         assert abs(done["request"]["rounded_by"] + 0.0195) < 1e-3
+
+
+async def test_relative_moves_that_wait_count_from_where_those_before_them_are_meant_to_end() -> None:
+    async with running(GEARED) as bench:
+        await bench.until_ready()
+        await bench.enable("x")
+        body = {"target": 10, "unit": "µm", "relative": True, "on_busy": "queue"}  # 219.43 steps
+        path = "/nodes/1/axes/x/move"
+        sent = [(await bench.post(path, body)).json()["id"] for _ in range(5)]
+        ended = [(await bench.get(f"/operations/{one}?wait=60")).json() for one in sent]
+        steps = [round(number * 10 * 3 * 51_200 / 7000) for number in range(1, 6)]
+        assert [operation["result"]["position"]["steps"] for operation in ended] == steps
+        following = (await bench.post(f"{path}?wait=60", body)).json()
+        assert following["result"]["position"]["steps"] == round(6 * 10 * 3 * 51_200 / 7000)
+
+
+async def test_a_relative_move_that_replaces_one_counts_from_where_that_came_to_rest() -> None:
+    async with running(GEARED) as bench:
+        await bench.until_ready()
+        await bench.enable("x")
+        body = {"target": 10, "unit": "µm", "relative": True, "on_busy": "replace"}  # 219.43 steps
+        path = "/nodes/1/axes/x/move?wait=60"
+        await bench.move(2_000_000, axis="x")
+        await bench.until_moving()
+        stood = (await bench.post(path, body)).json()["result"]["position"]["steps"] - 219
+        assert 0 < stood < 2_000_000
+        following = (await bench.post(path, body)).json()
+        assert following["result"]["position"]["steps"] == stood + 2 * 219, "and from nothing older"
 
 
 MOVE = '{"target": %s, "unit": "steps"}'
