@@ -8,6 +8,7 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field
 
 from drivers.bus.memory import MemoryBus, MemoryWire
+from drivers.cia301.objects import Address
 from drivers.devices.catalog import Catalog
 from drivers.master import (
     Axis,
@@ -31,6 +32,28 @@ async def until(condition: Callable[[], bool], seconds: float = 20.0) -> None:
     async with asyncio.timeout(seconds):
         while not condition():  # noqa: ASYNC110 - nothing tells, and the clock is virtual
             await asyncio.sleep(0.005)
+
+
+class NeverAbove:
+    """Sees, with every frame, that an object of module 1 never holds more than another one does."""
+
+    def __init__(self, stack: Stack, lower: Address, upper: Address) -> None:
+        self._dictionary = stack.modules[1].module.dictionary
+        self._lower, self._upper = lower, upper
+        self.seen: list[tuple[int, int]] = []
+        """Each pair of values that they held, one after the other."""
+        self._look()
+        stack.wire.tap(lambda port, frame: self._look())
+
+    def _look(self) -> None:
+        held = self._dictionary.stored(self._lower), self._dictionary.stored(self._upper)
+        if not self.seen or held != self.seen[-1]:
+            self.seen.append(held)
+
+    @property
+    def kept(self) -> bool:
+        """Whether it was so all the time."""
+        return all(low <= high for low, high in self.seen)
 
 
 @dataclass

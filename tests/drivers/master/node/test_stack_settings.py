@@ -8,7 +8,7 @@ from dataclasses import replace
 from fractions import Fraction
 
 import pytest
-from stack_kit import Stack, stack_of, until
+from stack_kit import NeverAbove, Stack, stack_of, until
 
 from drivers.cia301.objects import Address
 from drivers.errors import AxisBusy, BadValue, ConfigurationRefused, NotReady, RulesBroken
@@ -89,16 +89,24 @@ async def test_a_move_has_the_speed_asked_of_it_whatever_settings_were_written_b
 
 async def test_limits_and_start_velocities_cross_over_without_passing_each_other(stack: Stack) -> None:
     axis = stack.axes[0]
+    pairs = [
+        NeverAbove(stack, Address(0x607D, 1), Address(0x607D, 2)),
+        NeverAbove(stack, Address(0x2010, 0), Address(0x6082, 0)),
+    ]
     for limits, start, end in (
         ((5000, 6000), 500, 600),
         ((-200, -100), 5, 20),
         ((10_000, 20_000), 9000, 9000),
     ):
-        await reconfigure(
-            {axis: replace(axis.config, soft_limits=limits, start_velocity=start, end_velocity=end)}, kept
-        )
-        assert (await held(stack, 0x607D, 1), await held(stack, 0x607D, 2)) == limits
-        assert (await held(stack, 0x2010), await held(stack, 0x6082)) == (start, end)
+        wanted = replace(axis.config, soft_limits=limits, start_velocity=start, end_velocity=end)
+        before = [pair.seen[-1] for pair in pairs]
+        with pytest.raises(OSError, match="full"):
+            await reconfigure({axis: wanted}, failing(OSError("full")))
+        assert [pair.seen[-1] for pair in pairs] == before
+        await reconfigure({axis: wanted}, kept)
+        assert [pair.seen[-1] for pair in pairs] == [limits, (start, end)]
+    for pair in pairs:
+        assert pair.kept, pair.seen
 
 
 async def test_what_the_module_refuses_half_way_is_taken_back_on_every_axis(stack: Stack) -> None:

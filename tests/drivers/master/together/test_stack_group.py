@@ -6,9 +6,10 @@ import asyncio
 import random
 
 import pytest
-from stack_kit import AXES, Stack, stack_of, until
+from stack_kit import AXES, NeverAbove, Stack, stack_of, until
 
 from drivers.bus.frame import Frame
+from drivers.cia301.objects import Address
 from drivers.cia402.power import PowerState
 from drivers.errors import AxisBusy, BadValue, NotReady
 from drivers.master import AxisConfig, HomeRequest, MotionState, MoveRequest, VelocityRequest
@@ -17,6 +18,7 @@ from drivers.master.together.coordinated_move import GroupMotion
 pytestmark = pytest.mark.looptime
 
 SYNC = 0x080
+VSTART, VSTOP = Address(0x2010, 0), Address(0x6082, 0)
 RPDO4 = (0x501, 0x500 + 126, 0x500 + 125)
 """Of the three axes of node 1."""
 
@@ -166,17 +168,32 @@ async def test_shapes_of_the_axes_do_not_bend_the_line_and_come_back() -> None:
     async with stack_of(1, axes=axes) as stack:
         await stack.enabled()
         watch = Watch(stack)
+        speeds = NeverAbove(stack, VSTART, VSTOP)
         group = go(stack, 100_000, 40_000, 2000)
         await group.wait(30)
         assert group.state is MotionState.SUCCEEDED, group.error
         starts, ends = watch.last((1, 0), (1, 1), (1, 2))
         assert len(set(starts)) == 1
         assert max(ends) - min(ends) < 0.01
-        dictionary = stack.modules[1].module.dictionary
         assert [
             await stack.node.objects.read_int(stack.node.objects.address(index, 0, axis), priority=1)
             for index, axis in ((0x2010, 0), (0x6082, 0), (0x2012, 1), (0x2017, 1))
-        ] == [2000, 3000, 10_000, 30_000], dictionary
+        ] == [2000, 3000, 10_000, 30_000]
+        assert (0, 10) in speeds.seen
+        assert speeds.kept, speeds.seen
+
+
+async def test_a_ramp_that_a_stopped_group_left_comes_back_in_order_with_the_next_move() -> None:
+    async with stack_of(1, axes=(AxisConfig(name="x", start_velocity=2000, end_velocity=3000),)) as stack:
+        axis = (await stack.enabled())[0]
+        speeds = NeverAbove(stack, VSTART, VSTOP)
+        group = go(stack, 100_000)
+        await until(lambda: axis.status.moving)
+        await group.cancel()
+        assert speeds.seen[-1] == (0, 10)
+        await axis.move_to(MoveRequest(0)).wait(30)
+        assert speeds.seen[-1] == (2000, 3000)
+        assert speeds.kept, speeds.seen
 
 
 async def test_what_prevents_any_axis_prevents_all_and_each_is_named(stack) -> None:
