@@ -11,8 +11,8 @@ import pytest
 from stack_kit import NeverAbove, Stack, stack_of, until
 
 from drivers.cia301.objects import Address
-from drivers.errors import AxisBusy, BadValue, ConfigurationRefused, NotReady, RulesBroken
-from drivers.master import AxisConfig, HomeRequest, MotionState, MoveRequest
+from drivers.errors import AxisBusy, BadValue, ConfigurationRefused, NodeAway, NotReady, RulesBroken
+from drivers.master import AxisConfig, HomeRequest, MotionState, MoveRequest, NodeState
 from drivers.master.axis.reconfigure import reconfigure
 from drivers.master.node import storing
 from drivers.master.node.storing import StoredGroup
@@ -209,6 +209,64 @@ async def test_a_module_that_starts_anew_meanwhile_keeps_the_old_settings(stack:
     await stack.ready()
     await until(lambda: not axis.status.stale)
     assert await held(stack, 0x6081) == before.velocity
+
+
+async def test_a_module_that_starts_anew_while_another_is_written_keeps_the_old_settings_of_both() -> None:
+    async with stack_of(1, 2, axes=(AxisConfig("x"),)) as stack:
+        await stack.ready()
+        first, second = (node.axes[0] for node in stack.network.nodes.values())
+        before = first.config.velocity
+        others_turn = asyncio.Event()
+        stack.wire.tap(lambda _, frame: others_turn.set() if frame.cob_id == 0x602 else None)
+
+        async def restart() -> None:
+            await others_turn.wait()
+            stack.modules[1].power_cycle()
+
+        restarting = asyncio.create_task(restart())
+        with pytest.raises(NodeAway, match="started anew"):
+            await reconfigure({a: replace(a.config, velocity=777) for a in (first, second)}, kept)
+        await restarting
+        assert (first.config.velocity, second.config.velocity) == (before, before)
+        await until(lambda: stack.node.state is not NodeState.OPERATIONAL)
+        await stack.ready()
+        for axis in (first, second):
+            assert await axis.node.read(Address(0x6081, 0)) == before
+
+
+async def test_a_module_that_starts_anew_while_they_are_kept_must_be_taken_in_before_it_moves(
+    stack: Stack,
+) -> None:
+    axis = stack.axes[0]
+
+    async def reset() -> None:
+        stack.modules[1].power_cycle()
+        await until(lambda: stack.node.state is not NodeState.OPERATIONAL)
+        await stack.ready()
+        await until(lambda: not axis.status.stale)
+
+    await reconfigure({axis: replace(axis.config, velocity=777)}, reset)
+    assert axis.config.velocity == 777
+    with pytest.raises(NotReady) as caught:
+        await axis.enable()
+    assert [obstacle.code for obstacle in caught.value.obstacles] == ["settings_unsettled"]
+    await stack.node.boot()
+    assert await held(stack, 0x6081) == 777
+    await axis.enable()
+
+
+async def test_a_node_is_not_taken_in_anew_while_settings_are_written(stack: Stack) -> None:
+    axis = stack.axes[1]
+
+    async def boot() -> None:
+        with pytest.raises(NotReady, match=r"Axis y is being given other settings\.") as caught:
+            await stack.node.boot()
+        assert [obstacle.code for obstacle in caught.value.obstacles] == ["in_use"]
+
+    await reconfigure({axis: replace(axis.config, velocity=777)}, boot)
+    assert stack.node.state is NodeState.OPERATIONAL
+    assert await held(stack, 0x6081, axis=1) == 777
+    await stack.node.boot()
 
 
 async def test_ranges_are_the_module_s_and_are_looked_at_before_anything_is_written(stack: Stack) -> None:
