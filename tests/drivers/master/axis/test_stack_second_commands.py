@@ -355,3 +355,17 @@ async def test_one_velocity_goes_over_into_another_without_a_stop(stack: Stack) 
         assert await ended(back) == [MotionState.SUCCEEDED]
     assert slowest >= 39_000
     await axis.stop()
+
+
+async def test_no_velocity_goes_over_into_another_past_what_waits(stack: Stack) -> None:
+    axis = (await stack.enabled())[0]
+    await axis.run_at(VelocityRequest(50_000)).wait(10)
+    slowing = axis.run_at(VelocityRequest(0))
+    waiting = by(axis, -10_000)
+    with pytest.raises(AxisBusy):
+        axis.run_at(VelocityRequest(20_000))
+    behind = axis.run_at(VelocityRequest(20_000), on_busy=QUEUE)
+    assert axis.queued == (waiting, behind)
+    assert await ended(slowing, waiting, behind) == [MotionState.SUCCEEDED] * 3
+    assert axis.status.velocity == pytest.approx(20_000, rel=0.01)
+    await axis.stop()
