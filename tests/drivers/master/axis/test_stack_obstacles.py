@@ -10,7 +10,7 @@ from stack_kit import AXES, stack_of, until
 from drivers.cia301.objects import Address
 from drivers.cia402.power import PowerState
 from drivers.devices.catalog import Catalog
-from drivers.errors import MotionFailed, NotReady
+from drivers.errors import MotionFailed, NotReady, Remedy
 from drivers.master import (
     AxisCommand,
     AxisConfig,
@@ -51,6 +51,24 @@ async def test_too_low_a_supply_fails_the_move_and_names_the_cause(stack) -> Non
     assert "FF00" in str(motion.error)
     await until(lambda: axis.errand is None)
     assert not axis.status.moving
+
+
+async def test_a_drive_that_still_reacts_to_a_fault_is_as_little_ready_as_one_in_fault() -> None:
+    limited = AxisConfig("x", soft_limits=(-50_000, 50_000), quick_stop_deceleration=50_000)
+    async with stack_of(1, axes=(limited,)) as stack:
+        axis = (await stack.enabled())[0]
+        motion = axis.run_at(VelocityRequest(100_000))
+        await until(lambda: axis.status.state is PowerState.FAULT_REACTION_ACTIVE)
+        for command in (AxisCommand.ENABLE, AxisCommand.MOVE):
+            (found,) = (one for one in axis.readiness(command) if one.code == "fault")
+            assert "fault_reaction_active" in found.message
+            assert found.action is Remedy.RESET_FAULT
+        assert axis.status.moving
+        with pytest.raises(NotReady, match="fault_reaction_active"):
+            await axis.enable()
+        await axis.reset_fault()
+        assert axis.readiness(AxisCommand.ENABLE) == ()
+        assert motion.state is MotionState.FAILED
 
 
 async def test_readiness_lists_every_obstacle_at_once(stack) -> None:
