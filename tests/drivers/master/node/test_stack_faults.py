@@ -208,6 +208,31 @@ async def test_an_emergency_fails_the_motion_with_its_meaning(stack) -> None:
     assert other.state is MotionState.SUCCEEDED
 
 
+async def test_an_emergency_that_comes_behind_the_fault_explains_it_all_the_same(stack) -> None:
+    axis = (await stack.enabled())[0]
+    stack.wire.faults.delay(cob_id(cob.emcy(1)), 0.09)
+    motion = axis.move_to(MoveRequest(500_000))
+    await asyncio.sleep(1)
+    stack.modules[1].apply(lambda module, now: module.axes[0].short("a", now))
+    await until(lambda: axis.status.state is PowerState.FAULT)
+    assert axis.status.emergencies == ()
+    await motion.wait(5)
+    assert isinstance(motion.error, AxisFault)
+    assert "2312" in motion.error.message
+    assert axis.status.emergencies[0].remedy in motion.error.hint
+
+
+async def test_a_fault_that_no_emergency_explains_is_not_waited_on_for_long(stack) -> None:
+    axis = (await stack.enabled())[0]
+    stack.wire.faults.drop(cob_id(cob.emcy(1)))
+    motion = axis.move_to(MoveRequest(500_000))
+    await asyncio.sleep(1)
+    stack.modules[1].apply(lambda module, now: module.axes[0].short("a", now))
+    assert await motion.wait(0.3)
+    assert isinstance(motion.error, AxisFault)
+    assert "no emergency names the cause" in motion.error.message
+
+
 async def test_a_fault_is_reset_on_purpose_and_does_not_enable(stack) -> None:
     axis = (await stack.enabled())[0]
     stack.modules[1].apply(lambda module, now: module.axes[0].short("a", now))

@@ -8,7 +8,9 @@ import random
 import pytest
 from stack_kit import AXES, NeverAbove, Stack, stack_of, until
 
+from drivers.bus.faults import cob_id
 from drivers.bus.frame import Frame
+from drivers.cia301.cob import emcy
 from drivers.cia301.objects import Address
 from drivers.cia402.power import PowerState
 from drivers.errors import AxisBusy, BadValue, NotReady
@@ -318,6 +320,18 @@ async def test_a_fault_of_one_axis_stops_the_others_at_once(stack) -> None:
     assert (group.error.node, group.error.axis) == (1, 1)
     assert axes[1].status.state is PowerState.FAULT
     assert axes[0].status.position < 100_000
+
+
+async def test_an_emergency_that_comes_behind_the_fault_explains_it_and_holds_no_stop_up(stack) -> None:
+    axes = await stack.enabled()
+    group = go(stack, 200_000, -100_000, 30_000)
+    await asyncio.sleep(0.7)
+    stack.wire.faults.delay(cob_id(emcy(1)), 0.09)
+    stack.modules[1].apply(lambda module, now: module.axes[1].short("a", now))
+    await until(lambda: axes[0].errand is not None and "stopped" in axes[0].errand, 0.05)
+    await at_rest(stack, group)
+    assert group.error.code == "axis_fault"
+    assert "2312" in group.error.message
 
 
 async def test_a_limit_switch_of_one_axis_stops_the_others(stack) -> None:

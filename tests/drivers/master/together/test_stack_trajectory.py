@@ -10,12 +10,14 @@ from collections.abc import Callable, Sequence
 import pytest
 from stack_kit import Stack, stack_of, until
 
+from drivers.bus.faults import cob_id
 from drivers.bus.frame import Frame
+from drivers.cia301.cob import emcy
 from drivers.cia402.modes import Mode
 from drivers.cia402.power import PowerState
 from drivers.cyclic.inloop import LoopSender
 from drivers.cyclic.playback import Row
-from drivers.errors import AxisBusy, MotionFailed, NodeAway, NotReady
+from drivers.errors import AxisBusy, AxisFault, MotionFailed, NodeAway, NotReady
 from drivers.master import AxisConfig, MoveRequest, NodeState, VelocityRequest
 from drivers.master.axis.axis import Axis
 from drivers.master.motions.motion import MotionState
@@ -162,6 +164,20 @@ async def test_a_fault_of_one_axis_stops_all(stack: Stack) -> None:
     for axis in axes[:2]:
         assert axis.status.state is PowerState.OPERATION_ENABLED
         assert not axis.status.moving
+
+
+@pytest.mark.looptime
+async def test_an_emergency_that_comes_behind_the_fault_explains_it_all_the_same(stack: Stack) -> None:
+    axes = await stack.enabled()
+    trajectory = follow(axes, points_of(*WAYS))
+    await until(lambda: trajectory.started is not None)
+    await asyncio.sleep(0.4)
+    stack.wire.faults.delay(cob_id(emcy(1)), 0.09)
+    stack.modules[1].apply(lambda module, now: module.axes[2].short("a", now))
+    assert await trajectory.wait(10)
+    assert isinstance(trajectory.error, AxisFault)
+    assert "2312" in trajectory.error.message
+    await asyncio.gather(*(axis.stands() for axis in axes))
 
 
 @pytest.mark.looptime
