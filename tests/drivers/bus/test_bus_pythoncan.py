@@ -11,6 +11,7 @@ from itertools import pairwise
 import can
 import canopen
 import pytest
+from can.interfaces.virtual import VirtualBus
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -83,6 +84,40 @@ async def test_a_thread_hands_over_what_gathered_in_batches(open_bus, listen, re
     assert [int.from_bytes(frame.data, "little") for frame in frames] == list(range(2000))
     assert len(heard.batches) < 1000
     assert max(len(batch) for batch in heard.batches) <= 256
+
+
+async def test_an_interface_that_takes_no_frame_in_time_is_full_and_not_gone(
+    open_bus, listen, request, monkeypatch
+):
+    one = await open_bus("virtual", request.node.name)
+    two = await open_bus("virtual", request.node.name)
+    states, heard = listen(one), listen(two)
+    send = VirtualBus.send
+
+    def refuse(*_: object, **__: object) -> None:
+        monkeypatch.setattr(VirtualBus, "send", send)
+        raise can.CanTimeoutError("transmit queue full")
+
+    monkeypatch.setattr(VirtualBus, "send", refuse)
+    one.send(Frame(0x201))
+    assert (states.states, one.state) == ([], BusState.ACTIVE)
+    while not heard.frames:  # a slow machine may let one grow stale
+        one.send(Frame(0x202))
+        await asyncio.sleep(0.01)
+    assert states.states == []
+
+
+async def test_an_interface_that_fails_otherwise_is_gone(open_bus, listen, request, monkeypatch):
+    bus = await open_bus("virtual", request.node.name)
+    heard = listen(bus)
+
+    def fail(*_: object, **__: object) -> None:
+        raise can.CanOperationError("the adapter's firmware hangs")
+
+    monkeypatch.setattr(VirtualBus, "send", fail)
+    with pytest.raises(BusDown):
+        bus.send(Frame(0x201))
+    assert "firmware hangs" in await heard.state(BusState.DOWN)
 
 
 async def test_an_unknown_interface_is_said_in_a_sentence(open_bus):

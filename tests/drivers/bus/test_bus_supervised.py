@@ -142,6 +142,18 @@ async def test_an_urgent_frame_overtakes_at_once_what_waits(bus, fake):
     assert [frame.cob_id for frame in link.written] == [0x000, 0x201, 0x202]
 
 
+async def test_urgent_frames_leave_in_their_order_though_there_is_room_for_the_last(bus, fake):
+    """A halt and what follows it: the later one must not be undone by the earlier one."""
+    link = fake.links[0]
+    link.full = True
+    bus.send(Frame(0x201, b"\x01"), urgent=True)
+    bus.send(Frame(0x201, b"\x02"), urgent=True)
+    link.full = False
+    bus.send(Frame(0x201, b"\x03"), urgent=True)
+    await asyncio.sleep(0.02)
+    assert [frame.data for frame in link.written] == [b"\x01", b"\x02", b"\x03"]
+
+
 async def test_overflow_is_raised_for_ordinary_frames_while_urgent_ones_have_room(bus, fake):
     fake.links[0].full = True
     for _ in range(256):
