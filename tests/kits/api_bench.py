@@ -18,6 +18,7 @@ from app.main import create_app
 from app.service import Service
 from drivers.bus.memory import MemoryBus, MemoryWire
 from drivers.devices.catalog import Catalog
+from drivers.master import Axis, Motion, MotionKind, MoveRequest
 from drivers.master.seen.status import NodeState
 from drivers.sim.module import SimulatedModule
 from drivers.sim.runner import SimulatedNode
@@ -91,6 +92,15 @@ class Bench:
         """Wait until the motor turns."""
         status = self.service.network.node(1).axis(axis)
         await self.until(lambda: status.status.moving)
+
+
+def never_begun(axis: Axis) -> Motion:
+    """A move that was accepted, as an operation sees one, and that nobody carries out."""
+
+    async def stop(motion: Motion, reason: str) -> None:
+        motion.give_up(reason)
+
+    return Motion(MotionKind.MOVE, axis.tools, MoveRequest(0), lambda _: None, stop)
 
 
 @asynccontextmanager

@@ -5,11 +5,10 @@ from __future__ import annotations
 import asyncio
 
 import pytest
-from api_bench import Bench, running
+from api_bench import Bench, never_begun, running
 
 from app.configuration.configuration import Settings
 from app.operations.register import KEPT
-from drivers.master import Motion, MotionKind, MoveRequest
 
 pytestmark = pytest.mark.looptime
 
@@ -365,7 +364,7 @@ async def test_what_runs_is_known_however_many_ended_since_it_began(bench: Bench
     await bench.until_moving()
     axis = bench.service.network.node(1).axis(1)
     for _ in range(KEPT + 1):
-        other = Motion(MotionKind.MOVE, axis, MoveRequest(0), lambda _: None)
+        other = never_begun(axis)
         other.give_up("It was not wanted.")
         bench.service.operations.add(other, {})
     assert [one["id"] for one in (await bench.get("/operations?state=running")).json()["operations"]] == [

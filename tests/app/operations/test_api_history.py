@@ -10,12 +10,11 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from api_bench import Bench, running
+from api_bench import Bench, never_begun, running
 
 from app.configuration.configuration import Settings, StoreSettings
 from app.operations.register import OperationRegister
 from app.store.database import Database, Statement
-from drivers.master import Motion, MotionKind, MoveRequest
 
 pytestmark = pytest.mark.looptime
 
@@ -193,16 +192,18 @@ async def test_what_the_store_missed_is_written_when_it_is_back(bench: Bench, tm
     async with AsyncExitStack() as end:
         await store.open()
         end.push_async_callback(store.close)
-        missing, back = OperationRegister(store), asyncio.Event()
+        missing, back = OperationRegister(store, bench.service.network.axis), asyncio.Event()
         store.on_return.append(back.set)
         axis = bench.service.network.node(1).axis(0)
-        motions = [Motion(MotionKind.MOVE, axis, MoveRequest(0), lambda _: None) for _ in range(2)]
+        motions = [never_begun(axis) for _ in range(2)]
         for motion in motions:
             missing.add(motion, {"target": 0})
         motions[0].give_up("It was not wanted.")
         folder.unlink()
         await asyncio.wait_for(back.wait(), 10)
-        found = [await OperationRegister(store).get(motion.id) for motion in motions]
+        found = [
+            await OperationRegister(store, bench.service.network.axis).get(motion.id) for motion in motions
+        ]
     assert [operation.state.value for operation in found] == ["cancelled", "queued"]
     assert found[0] == missing.reply_for(motions[0])
 
