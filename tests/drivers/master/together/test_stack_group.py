@@ -450,7 +450,7 @@ async def test_groups_begun_at_once_start_each_on_a_sync_of_its_own(stopped: int
             for group in groups:
                 await group.wait(30)
                 assert group.state is MotionState.SUCCEEDED, (quarters, group.error)
-                starts, _ = watch.last(*((axis.node.node_id, axis.number) for axis in group.axes))
+                starts, _ = watch.last(*group.axes)
                 assert starts[0] == starts[1], quarters
                 begun.append(starts[0])
             assert len(set(begun)) == len(groups), quarters

@@ -143,7 +143,7 @@ async def test_a_stop_on_a_curve_steeper_than_the_deceleration_begins_at_once_an
         track: list[list[float]] = []
         stack.wire.tap(lambda _, f: track.append(motors(stack)) if f.cob_id == 0x080 else None)
         begun = asyncio.get_running_loop().time()
-        await trajectory.axes[0].stop("a test")
+        await stack.network.axis(trajectory.axes[0]).stop("a test")
         assert asyncio.get_running_loop().time() - begun < 20_000 / rate + 0.4
         assert max(falls_of(track)) <= 2 * rate * 1.01 + ROUNDING
         x, y = motors(stack)[:2]
@@ -246,7 +246,7 @@ async def test_rows_that_come_too_late_end_in_a_ramp_not_in_a_jerk(at: float) ->
         assert "under-run" in trajectory.error.message
         assert trajectory.result is not None
         assert trajectory.result["under_runs"] == 1
-        await asyncio.gather(*(axis.stands() for axis in trajectory.axes))
+        await asyncio.gather(*(stack.network.axis(each).stands() for each in trajectory.axes))
         assert max(falls_of([*track, motors(stack)])) <= rate + ROUNDING
 
 
