@@ -12,6 +12,7 @@ from starlette.middleware import Middleware
 
 from app.access import routes as access_routes
 from app.access.audit import AuditMiddleware, AuditTrail
+from app.access.documentation import describe_access
 from app.access.security import DOCS_ASSETS, Policy, SecurityMiddleware
 from app.access.tickets import Tickets
 from app.axes import routes as axes_routes
@@ -157,5 +158,5 @@ def _check_models(config: NetworkConfig, catalog: Catalog) -> None:
 
 def _openapi_once(app: FastAPI) -> dict[str, object]:
     if app.openapi_schema is None:
-        app.openapi_schema = documentation.build_openapi(app)
+        app.openapi_schema = documentation.build_openapi(app, describe_access)
     return app.openapi_schema

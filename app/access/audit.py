@@ -22,9 +22,9 @@ from typing import Any, cast
 import structlog
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.access.roles import API, SAFE_METHODS
 from app.access.tokens import Principal, private
 from app.configuration.configuration import AuditSettings
+from app.http.paths import API, SAFE_METHODS
 
 WAITING = 10_000
 """Lines that may wait for the disk."""

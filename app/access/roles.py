@@ -6,9 +6,8 @@ import enum
 
 from starlette.routing import compile_path
 
-API = "/api/v1"
-"""Where the API is."""
-SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+from app.http.paths import API, SAFE_METHODS
+
 WEBSOCKET = "WEBSOCKET"
 """Stands for a method in the table, where the request is for a WebSocket."""
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from fastapi import Depends, Request
 
-from app.access.roles import API
+from app.access.schemas import TicketReply
 from app.access.tickets import LIFETIME
 from app.access.tokens import Principal
-from app.health.schemas import TicketReply
 from app.http.deps import ServiceDep, empty_body
 from app.http.documentation import UNSAFE, problems
+from app.http.paths import API
 from app.http.routing import Router
 
 router = Router(f"{API}/tickets", tags=["events"])

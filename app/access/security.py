@@ -16,10 +16,11 @@ from urllib.parse import parse_qsl
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.access.roles import API, SAFE_METHODS, WEBSOCKET, Role, is_cancel, is_stop, role_for
+from app.access.roles import WEBSOCKET, Role, is_cancel, is_stop, role_for
 from app.access.tickets import Tickets
 from app.access.tokens import LOCAL, Principal, Tokens
 from app.configuration.configuration import ServerSettings, TrajectorySettings
+from app.http.paths import API, SAFE_METHODS
 from app.http.problems import problem
 from app.http.rates import RateLimit
 from app.http.replies import ClientGone, Refusal, refuse

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from fastapi import Depends
 
-from app.access.roles import API
 from app.axes import views
 from app.axes.direct import AxisRoute
 from app.axes.schemas import AxisList, AxisStatusReply, ReadinessReply
 from app.http.deps import AxisDep, NodeDep, ServiceDep, command_headers, empty_body
 from app.http.documentation import AXIS, AXIS_COMMAND, NODE, problems
+from app.http.paths import API
 from app.http.routing import Router
 
 router = Router(f"{API}/nodes/{{node}}/axes", tags=["axes"])

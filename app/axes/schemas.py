@@ -1,79 +1,32 @@
-"""Axes on the wire: status, readiness, and the bodies of the moving commands."""
+"""Axes on the wire: quantities with their units, status, readiness."""
 
 from __future__ import annotations
+
+from typing import Annotated
 
 from pydantic import Field
 
 from app.http import examples
-from app.http.schemas import Number, ObstacleReply, OnBusyChoice, Quantity, Rate, Reply, Request, Unit
+from app.http.schemas import ObstacleReply, Reply
+
+Unit = Annotated[
+    str,
+    Field(
+        min_length=1,
+        max_length=16,
+        description="`steps` (microsteps), the unit that the axis is configured with, or one that follows "
+        "from that or from its gearing: mm and um, deg and turns.",
+        examples=["steps"],
+    ),
+]
 
 
-class MoveBody(Request):
-    """Go to a position, or by a distance. What is left out comes from the axis's settings."""
+class Quantity(Reply):
+    """A length or a speed: in steps as the module has it, and in the axis's unit."""
 
-    model_config = examples.shown(examples.MOVE)
-
-    target: Number = Field(description="Position or distance in `unit`; whole where the unit is steps.")
-    unit: Unit
-    relative: bool = Field(default=False, description="Whether `target` is a distance from here.")
-    velocity: Rate = Field(default=None, description="`unit`/s")
-    acceleration: Rate = Field(default=None, description="`unit`/s2")
-    deceleration: Rate = Field(default=None, description="`unit`/s2")
-    on_busy: OnBusyChoice = "reject"
-
-
-class VelocityBody(Request):
-    """Run at a speed, until something else is commanded or to at most one of three ends; 0 stops."""
-
-    model_config = examples.shown(examples.VELOCITY)
-
-    velocity: Number = Field(description="`unit`/s; the sign is the direction.")
-    unit: Unit
-    acceleration: Rate = Field(default=None, description="`unit`/s2, up and down.")
-    duration_s: float | None = Field(
-        default=None, gt=0, le=86_400, description="It turns that long at its speed, then ramps down."
-    )
-    travel: Rate = Field(
-        default=None,
-        description="Distance in `unit` from standstill to standstill; the module ends it, to the step.",
-    )
-    lease: bool = Field(
-        default=False, description="It ends with the lease that it is sent under (header Lease), by a stop."
-    )
-    on_busy: OnBusyChoice = "reject"
-
-
-class HomeBody(Request):
-    """Seek the reference. What is left out comes from the axis's settings."""
-
-    model_config = examples.shown(examples.HOME)
-
-    method: int | None = Field(default=None, ge=-128, le=127, description="Homing method (6098h).")
-    unit: Unit | None = Field(default=None, description="Needed with any speed or acceleration.")
-    fast: Rate = Field(default=None, description="Speed while seeking the switch, `unit`/s")
-    slow: Rate = Field(default=None, description="Speed while seeking the edge, `unit`/s")
-    acceleration: Rate = Field(default=None, description="`unit`/s2")
-    timeout_s: float | None = Field(
-        default=None,
-        gt=0,
-        le=3600,
-        description="Seconds it may take; left out, it follows from the way and the speeds.",
-    )
-    on_busy: OnBusyChoice = "reject"
-
-
-class SetPositionBody(Request):
-    """Where the axis stands. Nothing moves."""
-
-    model_config = examples.shown(examples.SET_POSITION)
-
-    position: Number = Field(description="In `unit`; whole where the unit is steps.")
-    unit: Unit
-    shift_limits: bool = Field(
-        default=False,
-        description="Needed where the axis was homed and has travel limits: they are counted in its "
-        "positions, so another position for the same place moves them.",
-    )
+    steps: int = Field(description="Microsteps, or microsteps per second.")
+    value: float = Field(description="The same in `unit`.")
+    unit: str = Field(examples=["steps"])
 
 
 class Limits(Reply):
@@ -112,10 +65,36 @@ class AxisLease(Reply):
     expires_in_s: float = Field(description="Seconds, unless it is renewed.")
 
 
+_AXIS: examples.Example = {
+    "node": 1,
+    "axis": 0,
+    "name": "x",
+    "state": "operation_enabled",
+    "mode": "profile_position",
+    "statusword": "0x1637",
+    "position": {"steps": 51200, "value": 51200.0, "unit": "steps"},
+    "velocity": {"steps": 0, "value": 0.0, "unit": "steps/s"},
+    "target_reached": True,
+    "moving": False,
+    "referenced": False,
+    "reference": "unknown",
+    "adopted": False,
+    "found": None,
+    "limits": {"negative": False, "positive": False},
+    "home_switch": False,
+    "emergencies": [],
+    "operation": None,
+    "queued": [],
+    "lease": None,
+    "age_s": 0.012,
+    "stale": False,
+}
+
+
 class AxisStatusReply(Reply):
     """What an axis does now, from the last process data that its module sent."""
 
-    model_config = examples.shown(examples.AXIS)
+    model_config = examples.shown(_AXIS)
 
     node: int = Field(description="Node ID.")
     axis: int = Field(description="Axis number.")
@@ -148,15 +127,28 @@ class AxisStatusReply(Reply):
 class AxisList(Reply):
     """All axes of a node."""
 
-    model_config = examples.shown({"axes": [examples.AXIS]})
+    model_config = examples.shown({"axes": [_AXIS]})
 
     axes: list[AxisStatusReply]
+
+
+_READINESS: examples.Example = {
+    "ready": False,
+    "enable": [],
+    "disable": [],
+    "reset_fault": [],
+    "move": [examples.OBSTACLE],
+    "velocity": [examples.OBSTACLE],
+    "home": [examples.OBSTACLE],
+    "set_position": [],
+    "jog": [examples.OBSTACLE],
+}
 
 
 class ReadinessReply(Reply):
     """What prevents each command now, in the order of what to do first."""
 
-    model_config = examples.shown(examples.READINESS)
+    model_config = examples.shown(_READINESS)
 
     ready: bool = Field(description="Whether a move would be accepted now.")
     enable: list[ObstacleReply]
@@ -167,3 +159,15 @@ class ReadinessReply(Reply):
     home: list[ObstacleReply]
     set_position: list[ObstacleReply]
     jog: list[ObstacleReply]
+
+
+class ChangeReply(Reply):
+    """An object that held something else than it should, and was written."""
+
+    index: str = Field(description="Object index, hexadecimal.")
+    sub: int
+    name: str
+    axis: int | None = Field(description="None: the object is the node's.")
+    old: int | None = Field(description="In `unit`; None if it could not be read.")
+    new: int = Field(description="In `unit`; written and read back.")
+    unit: str = Field(description="Empty for a plain number.")

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
+from app.axes.schemas import Quantity
 from app.http.problems import ApiError
-from app.http.schemas import Quantity
 from drivers.master.axis.axis import Axis
 from drivers.master.axis.outlook import starting_point
 from drivers.master.plan.configuration import AxisConfig

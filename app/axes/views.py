@@ -8,24 +8,26 @@ from datetime import UTC, datetime
 from enum import Enum
 from typing import TYPE_CHECKING, Any, cast
 
-from app.axes.schemas import ActiveEmergency, AxisLease, AxisStatusReply, FoundReply, Limits, ReadinessReply
+from app.axes.schemas import (
+    ActiveEmergency,
+    AxisLease,
+    AxisStatusReply,
+    ChangeReply,
+    FoundReply,
+    Limits,
+    Quantity,
+    ReadinessReply,
+)
 from app.axes.units import Scale
-from app.health.schemas import AxisStopReply, BusReply, StopReply, StopState
+from app.bus.schemas import BusReply
 from app.http import remedies
-from app.http.schemas import ObstacleReply, Quantity
+from app.http.schemas import ObstacleReply
 from app.io.schemas import AnalogInputReply, DigitalInputReply, InputsReply, OutputReply, SwitchReply
 from app.moves.previews import PathReply, PreviewReply
-from app.nodes.schemas import (
-    AxisName,
-    BootReply,
-    BootStepReply,
-    ChangeReply,
-    EmergencyReply,
-    IdentityReply,
-    NodeReply,
-)
+from app.nodes.schemas import AxisName, BootReply, BootStepReply, EmergencyReply, IdentityReply, NodeReply
 from app.positions.schemas import NamedPositionReply
 from app.positions.table import NamedPosition
+from app.stop.schemas import AxisStopReply, StopReply, StopState
 from drivers.errors import Obstacle
 from drivers.master.axis.axis import Axis
 from drivers.master.axis.outlook import Preview

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from app.access.roles import API
 from app.axes import views
-from app.health.schemas import BusReply
+from app.bus.schemas import BusReply
 from app.http.deps import ServiceDep
 from app.http.documentation import problems
+from app.http.paths import API
 from app.http.routing import Router
 
 router = Router(f"{API}/bus", tags=["bus"])

@@ -7,12 +7,12 @@ from typing import Any
 
 from fastapi import Response
 
-from app.access.roles import API
 from app.axes.units import Scale
 from app.coordinated import views
 from app.coordinated.schemas import MovesBody, MovesPrediction
 from app.http.deps import DryRun, ServiceDep, find_axis
 from app.http.documentation import MOVING, problems
+from app.http.paths import API
 from app.http.routing import Router
 from app.moves.routes import ANSWERED
 from app.operations.schemas import OperationReply

@@ -6,11 +6,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from app.axes.schemas import MoveBody
+from app.axes.schemas import ChangeReply, Quantity
 from app.http import examples
-from app.http.schemas import ObstacleReply, Quantity, Reply, Request
+from app.http.schemas import ObstacleReply, Reply, Request
 from app.moves.previews import PathReply
-from app.nodes.schemas import ChangeReply
+from app.moves.schemas import MoveBody
 
 Reference = Annotated[int, Field(ge=0, le=127)] | Annotated[str, Field(min_length=1, max_length=64)]
 
@@ -22,10 +22,19 @@ class TargetBody(MoveBody):
     axis: Reference = Field(description="Axis number or name.")
 
 
+_MOVES: examples.Example = {
+    "targets": [
+        {"node": "stage", "axis": "x", "target": 51200, "unit": "steps"},
+        {"node": "stage", "axis": "y", "target": -12800, "unit": "steps", "relative": True},
+    ],
+    "duration_s": 2.5,
+}
+
+
 class MovesBody(Request):
     """Axes of one bus that are to start and arrive together."""
 
-    model_config = examples.shown(examples.MOVES)
+    model_config = examples.shown(_MOVES)
 
     targets: list[TargetBody] = Field(min_length=1, max_length=64)
     duration_s: float | None = Field(

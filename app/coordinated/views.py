@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from typing import Any, cast
 
 from app.axes import views
+from app.axes.schemas import Quantity
 from app.axes.units import Scale
 from app.coordinated.schemas import MovesPrediction, PredictedAxis
-from app.http.schemas import Quantity
 from app.moves.previews import PathReply
 from drivers.master.together.coordinated_move import GroupMotion
 from drivers.master.together.group_prediction import GroupPrediction

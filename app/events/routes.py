@@ -8,9 +8,10 @@ from typing import Annotated
 from fastapi import Header
 from fastapi.responses import Response
 
-from app.access.roles import API
+from app.access.documentation import TICKET
 from app.http.deps import ServiceDep
-from app.http.documentation import TICKET, Responses, problems
+from app.http.documentation import Responses, problems
+from app.http.paths import API
 from app.http.routing import Router
 
 router = Router(f"{API}/events", tags=["events"])

@@ -8,11 +8,11 @@ from typing import Annotated
 from fastapi import Path, Response
 from fastapi.responses import PlainTextResponse
 
-from app.access.roles import API
-from app.health.schemas import LiveReply, ProblemTypeReply, ReadyReply, ServiceReply
+from app.health.schemas import LiveReply, ReadyReply, ServiceReply
 from app.http.deps import ServiceDep
 from app.http.documentation import problems
-from app.http.problems import PROBLEM_TYPES, ApiError
+from app.http.paths import API
+from app.http.problem_types import ProblemTypeReply, problem_type
 from app.http.routing import Router
 from app.service import Service
 from drivers.master.seen.status import NodeState
@@ -85,12 +85,7 @@ async def get_problem_type(
     name: Annotated[str, Path(max_length=64, examples=["not-ready"])],
 ) -> ProblemTypeReply:
     """The description behind a problem's `type`."""
-    row = PROBLEM_TYPES.get(name.replace("-", "_"))
-    if row is None:
-        raise ApiError("unknown_problem", "There is no such kind of problem.")
-    return ProblemTypeReply(
-        type=row.uri, code=row.code, status=row.status, title=row.title, explanation=row.explanation
-    )
+    return problem_type(name)
 
 
 @api_root.get("", summary="Where everything is", responses=problems())

@@ -10,12 +10,12 @@ from typing import Annotated
 from fastapi import Depends, Header, Path, Query, Request
 
 from app.access.roles import is_dry_run, needs_lease
+from app.access.schemas import Asker
 from app.access.tokens import Principal
 from app.http.problems import ApiError
 from app.http.schemas import NoBody
 from app.idempotency.keys import Claim
 from app.leases.book import LEASE
-from app.operations.schemas import Asker
 from app.service import Service
 from drivers.master.axis.axis import Axis
 from drivers.master.motions.motion import Undertaking

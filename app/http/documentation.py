@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, cast
 
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 from fastapi.routing import APIRoute
 
-from app.access.roles import is_cancel, is_stop, role_for
 from app.http.problems import MEDIA_TYPE, PROBLEM_TYPES, problem
 from app.http.schemas import Problem
 
 Responses = dict[int | str, dict[str, Any]]
-
-TICKET = "ticket"
-"""The name of the security scheme of streams."""
 
 DESCRIPTION = """\
 Moves stepper axes on a CANopen bus. A moving command answers at once with an operation; ask for the
@@ -118,8 +114,11 @@ def operation_id(route: APIRoute) -> str:
     return route.name
 
 
-def build_openapi(app: FastAPI) -> dict[str, Any]:
-    """The document, with the problem schema in it and no trace of FastAPI's own error model."""
+def build_openapi(app: FastAPI, amend: Callable[[dict[str, Any]], None]) -> dict[str, Any]:
+    """The document, with the problem schema in it and no trace of FastAPI's own error model.
+
+    `amend` says in it who may do what.
+    """
     document = get_openapi(
         title=app.title,
         version=app.version,
@@ -136,36 +135,12 @@ def build_openapi(app: FastAPI) -> dict[str, Any]:
     own = Problem.model_json_schema(ref_template="#/components/schemas/{model}", mode="serialization")
     schemas.update(cast("Mapping[str, Any]", own.pop("$defs", {})))
     schemas["Problem"] = own
-    document["components"]["securitySchemes"] = {
-        "token": {
-            "type": "http",
-            "scheme": "bearer",
-            "description": "Needed where tokens are set; `x-role` is the least role that an operation needs.",
-        },
-        TICKET: {
-            "type": "apiKey",
-            "in": "query",
-            "name": "ticket",
-            "description": "From POST /api/v1/tickets: opens one stream, once, within 30 s.",
-        },
-    }
-    _describe_access(document["paths"])
-    document["security"] = [{}, {"token": []}]
+    amend(document)
     document["components"]["examples"] = {
         code: {"summary": row.title, "value": _example(code)} for code, row in sorted(PROBLEM_TYPES.items())
     }
     document["components"]["schemas"] = dict(sorted(schemas.items()))
     return document
-
-
-def _describe_access(paths: Mapping[str, Mapping[str, dict[str, Any]]]) -> None:
-    """Say of each operation which role it needs, and leave out the refusals that a stop never gets."""
-    for path, operations in paths.items():
-        for method, operation in operations.items():
-            operation["x-role"] = role_for(method.upper(), path).word
-            if is_stop(path) or is_cancel(path):
-                operation["responses"].pop("429", None)
-                operation["responses"].pop("423", None)
 
 
 def render(document: Mapping[str, Any]) -> str:

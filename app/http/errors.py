@@ -17,9 +17,9 @@ from starlette.routing import compile_path
 
 from app.http import problems, validation
 from app.http.deps import LONGEST_WAIT
+from app.http.paths import operation_path
 from app.http.problems import ApiError, ProblemReply
 from app.http.replies import problem_response
-from app.operations.register import operation_path
 from app.service import Service
 from drivers.errors import AxisBusy, CanaxisError, LineFull, NotReady
 from drivers.master.motions.motion import Undertaking

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from app.access.roles import API
+from app.http.paths import API
 from drivers.errors import Obstacle, Remedy
 
 _OF_AXIS = {

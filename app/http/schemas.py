@@ -1,4 +1,4 @@
-"""What many models share: the two bases, quantities with their units, problems."""
+"""What many models share: the two bases, numbers, problems."""
 
 from __future__ import annotations
 
@@ -62,36 +62,6 @@ class NoBody(Request):
     """Nothing to say: an empty object, or no body at all. The content type is JSON all the same."""
 
     model_config = examples.shown({})
-
-
-Unit = Annotated[
-    str,
-    Field(
-        min_length=1,
-        max_length=16,
-        description="`steps` (microsteps), the unit that the axis is configured with, or one that follows "
-        "from that or from its gearing: mm and um, deg and turns.",
-        examples=["steps"],
-    ),
-]
-
-
-class Quantity(Reply):
-    """A length or a speed: in steps as the module has it, and in the axis's unit."""
-
-    steps: int = Field(description="Microsteps, or microsteps per second.")
-    value: float = Field(description="The same in `unit`.")
-    unit: str = Field(examples=["steps"])
-
-
-OnBusyChoice = Annotated[
-    Literal["reject", "replace", "queue"],
-    Field(
-        description="If something else holds the axis: `reject` refuses the command; `replace` cancels what "
-        "runs and what waits, and begins once the axis stands; `queue` begins once everything before it has "
-        "succeeded."
-    ),
-]
 
 
 class ActionReply(Reply):

@@ -15,7 +15,7 @@ from typing import BinaryIO, cast
 
 from starlette.types import Receive
 
-from app.access.roles import API
+from app.http.paths import API
 from app.http.problems import problem
 from app.http.replies import ClientGone, Refusal
 

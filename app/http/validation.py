@@ -15,13 +15,7 @@ Item = Mapping[str, Any]
 
 _WORDS = {
     "missing": "is required",
-    "number": "{text}",
-    "input_name": "{text}",
-    "teach": "{text}",
     "string_pattern_mismatch": "must fit {pattern}",
-    "wait": "{text}",
-    "rate": "{text}",
-    "scalar": "{text}",
     "int_type": "must be a whole number",
     "int_parsing": "must be a whole number",
     "int_parsing_size": "must be a whole number of fewer digits",
@@ -43,7 +37,9 @@ _WORDS = {
     "model_attributes_type": "must be a JSON object",
     "dict_type": "must be a JSON object",
 }
-"""Pydantic's types of errors -> what we say; for any other its own message will do."""
+"""Pydantic's types of errors -> what we say; for any other, those of our own validators too, its own message
+will do.
+"""
 NO_JSON = "is no JSON text in UTF-8, or has numbers or brackets beyond all bounds"
 MANY = 5
 """Of more errors than this the sentence names the first ones."""
@@ -82,4 +78,4 @@ def _message(item: Item, known: Sequence[str]) -> str:
     if kind == "extra_forbidden":
         return f"is no field of this request; it has {', '.join(known)}" if known else "must be left out"
     words = _WORDS.get(kind)
-    return str(item["msg"]) if words is None else words.format(text=item["msg"], **context)
+    return str(item["msg"]) if words is None else words.format(**context)

@@ -16,8 +16,9 @@ import hashlib
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.access.roles import SAFE_METHODS, is_stop
+from app.access.roles import is_stop
 from app.access.tokens import LOCAL, Principal
+from app.http.paths import SAFE_METHODS
 from app.http.problems import problem
 from app.http.replies import problem_response, refuse
 from app.http.uploads import Upload

@@ -7,10 +7,10 @@ from typing import Annotated
 
 from fastapi import Depends, Path
 
-from app.access.roles import API
 from app.axes import views
 from app.http.deps import LONGEST_REFERENCE, NodeDep, ServiceDep, command_headers
 from app.http.documentation import KEYS, LEASES, NODE, TRANSFER, UNSAFE, problems
+from app.http.paths import API
 from app.http.problems import ApiError
 from app.http.routing import Router
 from app.io.schemas import InputsReply, OutputBody, OutputReply, OutputsReply, WaitBody

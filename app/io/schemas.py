@@ -40,10 +40,19 @@ class SwitchReply(Reply):
     stale: bool = Field(description="Whether this is too old to rely on.")
 
 
+_INPUTS: examples.Example = {
+    "node": 1,
+    "digital": [{"number": 0, "name": "IN0", "on": True}],
+    "analog": [{"number": 0, "name": "AIN0", "raw": 2048, "volts": None}],
+    "switches": [{"axis": 0, "name": "x.home", "on": False, "age_s": 0.012, "stale": False}],
+    "age_s": 0.003,
+}
+
+
 class InputsReply(Reply):
     """All inputs of a node now."""
 
-    model_config = examples.shown(examples.INPUTS)
+    model_config = examples.shown(_INPUTS)
 
     node: int = Field(description="Node ID.")
     digital: list[DigitalInputReply]
@@ -52,10 +61,20 @@ class InputsReply(Reply):
     age_s: float = Field(description="Seconds since `digital` and `analog` were asked for.")
 
 
+_OUTPUT: examples.Example = {
+    "node": 1,
+    "number": 0,
+    "name": "OUT0",
+    "on": True,
+    "usable": True,
+    "push_pull": False,
+}
+
+
 class OutputReply(Reply):
     """A digital output as the module holds it."""
 
-    model_config = examples.shown(examples.OUTPUT)
+    model_config = examples.shown(_OUTPUT)
 
     node: int = Field(description="Node ID.")
     number: int
@@ -68,7 +87,7 @@ class OutputReply(Reply):
 class OutputsReply(Reply):
     """All outputs of a node."""
 
-    model_config = examples.shown({"outputs": [examples.OUTPUT]})
+    model_config = examples.shown({"outputs": [_OUTPUT]})
 
     outputs: list[OutputReply]
 
@@ -76,7 +95,7 @@ class OutputsReply(Reply):
 class OutputBody(Request):
     """What the output is to be."""
 
-    model_config = examples.shown(examples.OUTPUT_BODY)
+    model_config = examples.shown({"on": True})
 
     on: bool
 
@@ -92,7 +111,7 @@ def _input_name(value: object) -> int | str | None:
 class WaitBody(Request):
     """An input, and what it is waited for to do: a digital one with `becomes`, or an analog one."""
 
-    model_config = examples.shown(examples.WAIT)
+    model_config = examples.shown({"input": "IN0", "becomes": True, "timeout_s": 30})
 
     input: Annotated[int | str | None, BeforeValidator(_input_name)] = Field(
         default=None, description="A digital input by number or name (`IN0`), or a switch (`x.home`)."

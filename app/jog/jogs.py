@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 from starlette.websockets import WebSocket
 
+from app.access.schemas import Asker
 from app.http.problems import ApiError, ProblemReply, of_api_error, of_driver_error
 from app.http.schemas import Problem
 from app.jog.schemas import ProblemMessage
 from app.jog.socket import REFUSED, RESTART, UNKNOWN, JogSocket, close
-from app.operations.schemas import Asker
 from drivers.errors import CanaxisError
 from drivers.master.axis.axis import Axis
 

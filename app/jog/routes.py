@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from fastapi import WebSocket
 
-from app.access.roles import API
+from app.access.schemas import Asker
 from app.access.tokens import Principal
 from app.http.deps import find_axis
+from app.http.paths import API
 from app.http.routing import Router
-from app.operations.schemas import Asker
 from app.service import Service
 
 router = Router(f"{API}/nodes/{{node}}/axes/{{axis}}")

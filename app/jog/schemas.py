@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, TypeAdapter
 
-from app.axes.schemas import AxisStatusReply, Limits
-from app.http.schemas import Number, Problem, Quantity, Rate, Reply, Request, Unit
+from app.axes.schemas import AxisStatusReply, Limits, Quantity, Unit
+from app.http.schemas import Number, Problem, Rate, Reply, Request
 
 Milliseconds = Annotated[float, Field(ge=0, le=1e12)]
 

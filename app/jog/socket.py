@@ -15,20 +15,20 @@ import structlog
 from pydantic import ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
+from app.access.schemas import Asker
 from app.axes import views
-from app.axes.schemas import Limits
+from app.axes.schemas import Limits, Quantity
 from app.axes.units import Scale
 from app.http import problems, validation
+from app.http.paths import operation_path
 from app.http.problems import ApiError, ProblemReply
 from app.http.rates import RateLimit
-from app.http.schemas import Problem, Quantity
+from app.http.schemas import Problem
 from app.jog import schemas as messages
 from app.jog.outbox import Outbox, Overflow
 from app.jog.session import Hold, JogSession
 from app.leases.book import LEASE, Lease
 from app.leases.leases import LeaseEnd
-from app.operations.register import operation_path
-from app.operations.schemas import Asker
 from drivers.errors import AxisFault, CanaxisError
 from drivers.master.axis.axis import Axis
 from drivers.master.motions.jogging import Jog, JogEnd

@@ -6,9 +6,9 @@ from typing import Annotated
 
 from fastapi import Depends, Path, Query, Response
 
-from app.access.roles import API
 from app.http.deps import AskerDep, LeaseToken, ServiceDep, command_headers, reference
 from app.http.documentation import AXIS, KEYS, LEASES, UNSAFE, problems
+from app.http.paths import API
 from app.http.problems import ApiError
 from app.http.routing import Router
 from app.leases.leases import lease_path

@@ -33,10 +33,17 @@ class AxisReference(Request):
     axis: Reference
 
 
+_LEASE_BODY: examples.Example = {
+    "axes": [{"node": "stage", "axis": "x"}, {"node": "stage", "axis": "y"}],
+    "ttl_s": 10,
+    "owner": "scheduler 1",
+}
+
+
 class LeaseBody(Request):
     """Take exclusive control of some axes, or of every axis of a node: one of the two is given."""
 
-    model_config = examples.shown(examples.LEASE_BODY)
+    model_config = examples.shown(_LEASE_BODY)
 
     axes: list[AxisReference] | None = Field(default=None, min_length=1, max_length=128)
     node: Reference | None = None
@@ -84,10 +91,27 @@ class LeaseLinks(Reply):
     release: str
 
 
+_LEASE: examples.Example = {
+    "id": "0d4b7a6a5f9b4b7f8f3b6c1f0e2d9a11",
+    "fencing": 1767268800000,
+    "owner": "scheduler 1",
+    "axes": [{"node": 1, "axis": 0, "name": "x"}, {"node": 1, "axis": 1, "name": "y"}],
+    "ttl_s": 10.0,
+    "created": examples.TIME,
+    "expires": "2026-01-01T12:00:10Z",
+    "expires_in_s": 10.0,
+    "links": {
+        "self": "/api/v1/leases/0d4b7a6a5f9b4b7f8f3b6c1f0e2d9a11",
+        "renew": "/api/v1/leases/0d4b7a6a5f9b4b7f8f3b6c1f0e2d9a11/renew",
+        "release": "/api/v1/leases/0d4b7a6a5f9b4b7f8f3b6c1f0e2d9a11/release",
+    },
+}
+
+
 class LeaseReply(Reply):
     """Exclusive control of some axes."""
 
-    model_config = examples.shown(examples.LEASE)
+    model_config = examples.shown(_LEASE)
 
     id: str
     fencing: int = Field(description="Higher than that of every lease before, over restarts too.")
@@ -103,7 +127,7 @@ class LeaseReply(Reply):
 class LeaseGranted(LeaseReply):
     """A lease that was just taken, for its holder."""
 
-    model_config = examples.shown({**examples.LEASE, "token": "mI3o5f9bqz2l5c1xT7v0a8Kd4nWuYs6E"})
+    model_config = examples.shown({**_LEASE, "token": "mI3o5f9bqz2l5c1xT7v0a8Kd4nWuYs6E"})
 
     token: str = Field(description="For the header `Lease` of every command. Shown this once.")
 
@@ -111,6 +135,6 @@ class LeaseGranted(LeaseReply):
 class LeaseList(Reply):
     """Every lease, the oldest first."""
 
-    model_config = examples.shown({"leases": [examples.LEASE]})
+    model_config = examples.shown({"leases": [_LEASE]})
 
     leases: list[LeaseReply]

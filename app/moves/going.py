@@ -6,11 +6,10 @@ from typing import Annotated
 
 from fastapi import Depends
 
-from app.axes.schemas import MoveBody
 from app.axes.units import STEPS, Scale
 from app.http.deps import AxisDep, ServiceDep
+from app.moves.schemas import GoBody, MoveBody, MoveOrGoBody, NamedMove
 from app.positions.positions import check_going
-from app.positions.schemas import GoBody, MoveOrGoBody, NamedMove
 
 
 async def wanted_move(body: MoveOrGoBody, axis: AxisDep, service: ServiceDep) -> MoveBody:

@@ -6,9 +6,9 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from app.axes.schemas import ChangeReply, Quantity
 from app.http import examples
-from app.http.schemas import ObstacleReply, Quantity, Reply
-from app.nodes.schemas import ChangeReply
+from app.http.schemas import ObstacleReply, Reply
 
 
 class PathReply(Reply):
@@ -21,10 +21,46 @@ class PathReply(Reply):
     within: bool = Field(description="Whether the whole way lies within the limits.")
 
 
+_PREVIEW: examples.Example = {
+    "dry_run": True,
+    "kind": "move",
+    "node": 1,
+    "axis": 0,
+    "name": "x",
+    "accepted": False,
+    "begins": None,
+    "obstacles": [examples.OBSTACLE],
+    "request": {"target": 51200, "unit": "steps", "relative": False, "target_steps": 51200},
+    "predicted_s": 1.5,
+    "predicted_peak_velocity": {"steps": 51200, "value": 51200.0, "unit": "steps/s"},
+    "start": {"steps": 0, "value": 0.0, "unit": "steps"},
+    "end": {"steps": 51200, "value": 51200.0, "unit": "steps"},
+    "path": {
+        "lowest": {"steps": 0, "value": 0.0, "unit": "steps"},
+        "highest": {"steps": 51200, "value": 51200.0, "unit": "steps"},
+        "limit_low": {"steps": -100000, "value": -100000.0, "unit": "steps"},
+        "limit_high": {"steps": 100000, "value": 100000.0, "unit": "steps"},
+        "within": True,
+    },
+    "assumed": [],
+    "writes": [
+        {
+            "index": "0x6081",
+            "sub": 0,
+            "name": "Profile velocity",
+            "axis": 0,
+            "old": None,
+            "new": 51200,
+            "unit": "steps/s",
+        }
+    ],
+}
+
+
 class PreviewReply(Reply):
     """A command that was not given: nothing was sent, no operation was made, no key was spent."""
 
-    model_config = examples.shown(examples.PREVIEW)
+    model_config = examples.shown(_PREVIEW)
 
     dry_run: Literal[True]
     kind: str = Field(description="move, velocity or home.")

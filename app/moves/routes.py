@@ -5,16 +5,16 @@ Each answers with an operation: the motion is the service's, not the client's.
 
 from __future__ import annotations
 
-from app.access.roles import API
-from app.axes.schemas import HomeBody, SetPositionBody, VelocityBody
 from app.axes.units import Scale
 from app.http.deps import AxisDep, DryRun
 from app.http.documentation import MOVING, Responses, operation_links, problems
+from app.http.paths import API
 from app.http.problems import ApiError
 from app.http.replies import location_header, preference_header
 from app.http.routing import Router
 from app.moves.going import MoveDep
 from app.moves.previews import PreviewReply
+from app.moves.schemas import HomeBody, SetPositionBody, VelocityBody
 from app.operations.schemas import OperationReply
 from app.operations.starting import StarterDep
 from drivers.master.motions.motion import Motion, MotionKind

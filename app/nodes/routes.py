@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from fastapi import Depends
 
-from app.access.roles import API
 from app.axes import views
 from app.http.deps import LeaseToken, NodeDep, ServiceDep, command_headers, empty_body
 from app.http.documentation import NODE, NODE_COMMAND, problems
+from app.http.paths import API
 from app.http.routing import Router
 from app.nodes.schemas import EmergencyList, NodeList, NodeReply
 

@@ -1,4 +1,4 @@
-"""Nodes on the wire: what they are, how they are, what they reported, and their objects."""
+"""Nodes on the wire: what they are, how they are, and what they reported."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from typing import Any
 
 from pydantic import Field
 
+from app.axes.schemas import ChangeReply
 from app.http import examples
-from app.http.schemas import Reply, Request, Scalar
+from app.http.schemas import Reply
 
 
 class IdentityReply(Reply):
@@ -28,18 +29,6 @@ class AxisName(Reply):
     name: str
     unit: str
     path: str
-
-
-class ChangeReply(Reply):
-    """An object that held something else than it should, and was written."""
-
-    index: str = Field(description="Object index, hexadecimal.")
-    sub: int
-    name: str
-    axis: int | None = Field(description="None: the object is the node's.")
-    old: int | None = Field(description="In `unit`; None if it could not be read.")
-    new: int = Field(description="In `unit`; written and read back.")
-    unit: str = Field(description="Empty for a plain number.")
 
 
 class BootStepReply(Reply):
@@ -64,10 +53,62 @@ class BootReply(Reply):
     steps: list[BootStepReply]
 
 
+_NODE: examples.Example = {
+    "node": 1,
+    "name": "stage",
+    "model": "TMCM-3216",
+    "state": "operational",
+    "reason": "",
+    "nmt_state": "operational",
+    "identity": {
+        "device_type": "0xFFFC0192",
+        "vendor_id": "0x00000286",
+        "product_code": "0x00000C90",
+        "revision": 1,
+        "serial": 1,
+    },
+    "device_name": "TMCM-3216",
+    "hardware_version": "1.0",
+    "software_version": "1.04",
+    "serial": 1,
+    "failsafe": "unverified",
+    "heartbeat_age_s": 0.1,
+    "boot": {
+        "complete": True,
+        "took_s": 0.21,
+        "steps": [
+            {
+                "name": "heartbeats",
+                "state": "done",
+                "compared": 3,
+                "written": 1,
+                "changes": [
+                    {
+                        "index": "0x1017",
+                        "sub": 0,
+                        "name": "Producer heartbeat time",
+                        "axis": None,
+                        "old": 0,
+                        "new": 500,
+                        "unit": "ms",
+                    }
+                ],
+                "note": "Fail-safe: unverified.",
+                "reason": "",
+                "remedy": "",
+                "took_s": 0.004,
+            }
+        ],
+    },
+    "axes": [{"axis": 0, "name": "x", "unit": "steps", "path": "/api/v1/nodes/1/axes/0"}],
+    "counters": {"heartbeats": 12},
+}
+
+
 class NodeReply(Reply):
     """One module."""
 
-    model_config = examples.shown(examples.NODE)
+    model_config = examples.shown(_NODE)
 
     node: int = Field(description="Node ID.")
     name: str
@@ -92,15 +133,31 @@ class NodeReply(Reply):
 class NodeList(Reply):
     """All configured nodes."""
 
-    model_config = examples.shown({"nodes": [examples.NODE]})
+    model_config = examples.shown({"nodes": [_NODE]})
 
     nodes: list[NodeReply]
+
+
+_EMERGENCY: examples.Example = {
+    "id": 1,
+    "time": examples.TIME,
+    "node": 1,
+    "axis": None,
+    "code": "0x8130",
+    "register": "0x11",
+    "data": "00 00 00 00 00",
+    "title": "Heartbeat lost",
+    "cause": "The module did not hear the master in time.",
+    "remedy": "Check the cable and that the service runs, then reset the fault.",
+    "severity": "fault",
+    "active": True,
+}
 
 
 class EmergencyReply(Reply):
     """One emergency that a node reported, with its meaning."""
 
-    model_config = examples.shown(examples.EMERGENCY)
+    model_config = examples.shown(_EMERGENCY)
 
     id: int = Field(description="Counts up per node.")
     time: datetime
@@ -119,42 +176,6 @@ class EmergencyReply(Reply):
 class EmergencyList(Reply):
     """A node's emergencies, the newest first."""
 
-    model_config = examples.shown({"emergencies": [examples.EMERGENCY]})
+    model_config = examples.shown({"emergencies": [_EMERGENCY]})
 
     emergencies: list[EmergencyReply]
-
-
-class MeaningReply(Reply):
-    """What a set bit, or the value, says."""
-
-    name: str
-    title: str
-    cause: str
-    remedy: str
-
-
-class ObjectReply(Reply):
-    """The value of one object; bytes are shown in hexadecimal."""
-
-    model_config = examples.shown(examples.OBJECT)
-
-    node: int
-    index: str
-    sub: int
-    name: str
-    type: str
-    access: str
-    unit: str
-    value: int | float | str | bool
-    meanings: list[MeaningReply] = Field(
-        description="For flags: each bit that is set. For option codes: the value."
-    )
-
-
-class ObjectBody(Request):
-    """A value to write past the axis."""
-
-    model_config = examples.shown(examples.OBJECT_WRITE)
-
-    value: Scalar
-    confirm: bool = Field(default=False, description="Needed for objects that could endanger motion.")

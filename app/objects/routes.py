@@ -6,12 +6,12 @@ from typing import Annotated
 
 from fastapi import Depends, Path
 
-from app.access.roles import API
 from app.http.deps import NodeDep, ServiceDep, command_headers, parse_index
 from app.http.documentation import KEYS, LEASES, NODE, TRANSFER, UNSAFE, problems
+from app.http.paths import API
 from app.http.problems import ApiError
 from app.http.routing import Router
-from app.nodes.schemas import MeaningReply, ObjectBody, ObjectReply
+from app.objects.schemas import MeaningReply, ObjectBody, ObjectReply
 from drivers.master import ObjectSpec
 from drivers.master.node.node import Node
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import datetime
 
+from app.axes.schemas import Quantity
 from app.axes.units import Scale
-from app.http.schemas import Quantity
 from app.operations.schemas import AxisTrack, EvidenceReply, FoundAxis, SeenEmergency, SightReply
 from drivers.master.axis.axis import Axis
 from drivers.master.ground.where import AxisId

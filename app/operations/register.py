@@ -13,16 +13,18 @@ from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
+from app.access.schemas import Asker
 from app.axes.units import Scale
 from app.axes.views import axis_path, peak
 from app.coordinated import views
 from app.http import problems
+from app.http.paths import operation_path
 from app.http.problems import ApiError
 from app.http.schemas import Problem
 from app.idempotency.keys import Claim
 from app.operations import evidence
 from app.operations import table as records
-from app.operations.schemas import Asker, OperationAxis, OperationLinks, OperationReply, OperationState
+from app.operations.schemas import OperationAxis, OperationLinks, OperationReply, OperationState
 from app.store.database import Database, StoreOff
 from drivers.master.axis.axis import Axis
 from drivers.master.ground.where import AxisId
@@ -36,11 +38,6 @@ PRUNE_EACH = 500
 """Operations after which the store forgets what is too old or too much."""
 
 NOBODY = Asker(name="anonymous", address="")
-
-
-def operation_path(operation_id: str) -> str:
-    """Where the operation is."""
-    return f"/api/v1/operations/{operation_id}"
 
 
 class Operation:

@@ -6,9 +6,9 @@ from typing import Annotated
 
 from fastapi import Depends, Path, Query
 
-from app.access.roles import API
 from app.http.deps import ServiceDep, WaitDep, command_headers, empty_body
 from app.http.documentation import AXIS_COMMAND, problems
+from app.http.paths import API
 from app.http.routing import Router
 from app.operations.schemas import OperationList, OperationReply, OperationState
 

@@ -8,8 +8,10 @@ from typing import Any
 
 from pydantic import Field
 
+from app.access.schemas import Asker
+from app.axes.schemas import Quantity
 from app.http import examples
-from app.http.schemas import Problem, Quantity, Reply
+from app.http.schemas import Problem, Reply
 
 
 class OperationState(enum.StrEnum):
@@ -94,17 +96,64 @@ class EvidenceReply(Reply):
     )
 
 
-class Asker(Reply):
-    """Who asked for it."""
-
-    name: str = Field(description="The name of the token; `anonymous` where none is needed.")
-    address: str = Field(description="Network address of the client; empty where there is none.")
+OPERATION: examples.Example = {
+    "id": "6f1c2a7b9d3e4f506f1c2a7b9d3e4f50",
+    "kind": "move",
+    "node": 1,
+    "axis": 0,
+    "axes": [{"node": 1, "axis": 0, "name": "x"}],
+    "state": "running",
+    "progress": 0.4,
+    "request": {
+        "target": 51200,
+        "unit": "steps",
+        "relative": False,
+        "target_steps": 51200,
+        "target_commanded": 51200,
+        "rounded_by": 0,
+    },
+    "result": None,
+    "error": None,
+    "reason": None,
+    "asked_by": {"name": "anonymous", "address": "127.0.0.1"},
+    "evidence": {
+        "axes": [
+            {
+                "node": 1,
+                "axis": 0,
+                "start": {"steps": 0, "value": 0.0, "unit": "steps"},
+                "target": {"steps": 51200, "value": 51200.0, "unit": "steps"},
+                "end": None,
+            }
+        ],
+        "statuswords": [
+            {
+                "node": 1,
+                "axis": 0,
+                "after_s": 0.012,
+                "statusword": "0x5237",
+                "position": {"steps": 12, "value": 12.0, "unit": "steps"},
+            }
+        ],
+        "left_out": 0,
+        "emergencies": [],
+        "found": [],
+    },
+    "created": examples.TIME,
+    "started": examples.TIME,
+    "ended": None,
+    "links": {
+        "self": "/api/v1/operations/6f1c2a7b9d3e4f506f1c2a7b9d3e4f50",
+        "cancel": "/api/v1/operations/6f1c2a7b9d3e4f506f1c2a7b9d3e4f50/cancel",
+        "axis": "/api/v1/nodes/1/axes/0",
+    },
+}
 
 
 class OperationReply(Reply):
     """A moving command: what was asked, how far it is, how it ended."""
 
-    model_config = examples.shown(examples.OPERATION)
+    model_config = examples.shown(OPERATION)
 
     id: str
     kind: str = Field(description="move, velocity, home, set_position or wait_input.")
@@ -139,6 +188,6 @@ class OperationReply(Reply):
 class OperationList(Reply):
     """Operations, the newest first."""
 
-    model_config = examples.shown({"operations": [examples.OPERATION]})
+    model_config = examples.shown({"operations": [OPERATION]})
 
     operations: list[OperationReply]

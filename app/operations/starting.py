@@ -9,8 +9,8 @@ from fastapi import Depends, Response
 
 from app.axes import views
 from app.http.deps import AskerDep, CommandSource, ServiceDep, Wait, WaitDep
+from app.http.paths import operation_path
 from app.moves.previews import PreviewReply
-from app.operations.register import operation_path
 from app.operations.schemas import OperationReply
 from app.service import Service
 from drivers.master.axis.axis import Axis

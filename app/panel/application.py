@@ -15,10 +15,10 @@ from starlette.responses import Response
 from app.access.security import DOCS_ASSETS, Policy, SecurityMiddleware
 from app.access.tickets import Tickets
 from app.configuration.configuration import ServerSettings
-from app.health.routes import get_problem_type
 from app.http import problems
 from app.http.documentation import operation_id
 from app.http.errors import install_error_handlers
+from app.http.problem_types import ProblemTypeReply, problem_type
 from app.http.problems import MEDIA_TYPE, ApiError
 from app.http.replies import problem_response
 from app.panel.schemas import ModuleList, ModuleReply
@@ -64,7 +64,7 @@ def create_panel(station: Station, port: int) -> FastAPI:
     install_error_handlers(app)
     app.add_exception_handler(CanaxisError, _driver_error)
     app.include_router(_routes(station), prefix=API)
-    app.get("/problems/{name}", include_in_schema=False)(get_problem_type)
+    app.get("/problems/{name}", include_in_schema=False)(_problem_type)
     return app
 
 
@@ -120,6 +120,10 @@ def _endpoint(station: Station, command: Command) -> Endpoint:
         return _seen(panel)
 
     return perform
+
+
+async def _problem_type(name: Annotated[str, Path(max_length=64)]) -> ProblemTypeReply:
+    return problem_type(name)
 
 
 def _seen(panel: ModulePanel) -> ModuleReply:

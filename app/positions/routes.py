@@ -7,11 +7,11 @@ from typing import Annotated
 
 from fastapi import Depends, Path
 
-from app.access.roles import API
 from app.axes import views
 from app.axes.units import Scale
 from app.http.deps import AskerDep, AxisDep, ServiceDep, command_headers
 from app.http.documentation import AXIS, KEYS, LEASES, UNSAFE, problems
+from app.http.paths import API
 from app.http.routing import Router
 from app.positions.positions import present
 from app.positions.schemas import NAME, NamedPositionList, NamedPositionReply, TeachBody

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from datetime import datetime
-from typing import Annotated, Any, Self
+from typing import Annotated, Self
 
-from pydantic import Field, WrapValidator, model_validator
+from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from app.axes.schemas import MoveBody
+from app.axes.schemas import Quantity, Unit
 from app.http import examples
-from app.http.schemas import Number, OnBusyChoice, Quantity, Rate, Reply, Request, Unit
+from app.http.schemas import Number, Reply, Request
 
 NAME = r"^[A-Za-z0-9](?:[A-Za-z0-9 ._-]{0,62}[A-Za-z0-9])?$"
 """Letters, digits, and within it blanks, points, hyphens and underscores; at most 64 of them."""
@@ -24,7 +23,7 @@ PositionName = Annotated[
 class TeachBody(Request):
     """A position to keep; without one, where the axis stands."""
 
-    model_config = examples.shown(examples.TEACH)
+    model_config = examples.shown({"position": 51200, "unit": "steps"})
 
     position: Number | None = Field(default=None, description="In `unit`; left out: where the axis stands.")
     unit: Unit | None = Field(
@@ -43,10 +42,20 @@ class TeachBody(Request):
         return self
 
 
+_NAMED_POSITION: examples.Example = {
+    "name": "park",
+    "position": {"steps": 51200, "value": 51200.0, "unit": "steps"},
+    "unreferenced": False,
+    "within_limits": True,
+    "taught": examples.TIME,
+    "taught_by": "anonymous",
+}
+
+
 class NamedPositionReply(Reply):
     """A position with a name."""
 
-    model_config = examples.shown(examples.NAMED_POSITION)
+    model_config = examples.shown(_NAMED_POSITION)
 
     name: str
     position: Quantity = Field(description="In the unit that it was taught in, if the axis still has that.")
@@ -59,43 +68,6 @@ class NamedPositionReply(Reply):
 class NamedPositionList(Reply):
     """The positions of an axis, by name."""
 
-    model_config = examples.shown({"positions": [examples.NAMED_POSITION]})
+    model_config = examples.shown({"positions": [_NAMED_POSITION]})
 
     positions: list[NamedPositionReply]
-
-
-class GoBody(Request):
-    """Go to a named position. What is left out comes from the axis's settings."""
-
-    model_config = examples.shown(examples.GO)
-
-    position: PositionName
-    unit: Unit | None = Field(default=None, description="Needed with any speed or acceleration.")
-    velocity: Rate = Field(default=None, description="`unit`/s")
-    acceleration: Rate = Field(default=None, description="`unit`/s2")
-    deceleration: Rate = Field(default=None, description="`unit`/s2")
-    on_busy: OnBusyChoice = "reject"
-
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        rates = (self.velocity, self.acceleration, self.deceleration)
-        if self.unit is None and any(rate is not None for rate in rates):
-            raise PydanticCustomError("teach", "must name the unit of its speeds and accelerations")
-        return self
-
-
-class NamedMove(MoveBody):
-    """A move to a named position, looked up."""
-
-    position: str
-
-
-def _choose(value: object, handler: Callable[[Any], MoveBody | GoBody]) -> MoveBody | GoBody:
-    """One model by what the body has, so that its errors are those of one."""
-    del handler
-    kind = GoBody if isinstance(value, dict) and "position" in value else MoveBody
-    return kind.model_validate(value)
-
-
-MoveOrGoBody = Annotated[MoveBody | GoBody, WrapValidator(_choose)]
-"""What a move takes: a target, or the name of a position."""

@@ -17,11 +17,11 @@ from typing import Any
 import structlog
 from pydantic import ValidationError
 
+from app.access.schemas import Asker
 from app.configuration.axes import AxisSettings, SettingsError
 from app.configuration.configuration import Settings
 from app.http import validation
 from app.http.problems import ApiError
-from app.operations.schemas import Asker
 from app.settings import table as records
 from app.settings.table import Overlay, Revision
 from app.store.database import Database, StoreOff

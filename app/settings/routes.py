@@ -6,9 +6,9 @@ from typing import Annotated
 
 from fastapi import Body, Depends, Header, Query, Request, Response
 
-from app.access.roles import API
 from app.http.deps import AskerDep, AxisDep, NodeDep, ServiceDep, command_headers, every_axis
 from app.http.documentation import AXIS, NODE, NODE_COMMAND, SETTINGS_CHANGE, problems
+from app.http.paths import API
 from app.http.problems import ApiError
 from app.http.routing import Router
 from app.settings import views as views

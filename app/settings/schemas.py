@@ -7,11 +7,11 @@ from typing import Literal, Self, cast
 
 from pydantic import Field, model_validator
 
+from app.axes.schemas import ChangeReply
 from app.configuration.axes import DIMENSIONS, AxisValues, Measure, Section
 from app.configuration.configuration import NodeSettings
 from app.http import examples
 from app.http.schemas import Reply, Request
-from app.nodes.schemas import ChangeReply
 
 _WRITTEN: examples.Example = {
     "index": "0x6081",

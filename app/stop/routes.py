@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from fastapi import Depends
 
-from app.access.roles import API
 from app.axes import views
-from app.health.schemas import StopBody, StopReply, StopState
 from app.http.deps import ServiceDep, command_headers, empty_body
 from app.http.documentation import KEYS, UNSAFE, problems
+from app.http.paths import API
 from app.http.routing import Router
+from app.stop.schemas import StopBody, StopReply, StopState
 
 router = Router(f"{API}/stop", tags=["stop"])
 

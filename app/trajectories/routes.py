@@ -9,10 +9,10 @@ from typing import Annotated
 from fastapi import Query, Request
 from starlette.responses import Response
 
-from app.access.roles import API
 from app.axes.units import Scale
 from app.http.deps import DryRun, ServiceDep, find_axis
 from app.http.documentation import MOVING, Responses, operation_links, problems
+from app.http.paths import API
 from app.http.problems import ApiError
 from app.http.replies import location_header, preference_header
 from app.http.routing import Router

@@ -6,7 +6,8 @@ from typing import Any
 
 from pydantic import Field
 
-from app.http.schemas import Quantity, Reply
+from app.axes.schemas import Quantity
+from app.http.schemas import Reply
 
 _NUMBERS: dict[str, Any] = {"type": "array", "items": {"type": "number"}, "minItems": 1, "maxItems": 24}
 BODY: dict[str, Any] = {

@@ -8,7 +8,7 @@ import httpx
 import pytest
 from api_bench import URL, Bench
 
-from app.http.examples import OPERATION
+from app.operations.schemas import OPERATION
 from canaxis import AsyncClient, Client
 
 TARGETS = (

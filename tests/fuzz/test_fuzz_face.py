@@ -16,12 +16,12 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from starlette.requests import Request
 
+from app.axes.schemas import Quantity
 from app.axes.units import Scale
 from app.configuration.configuration import Settings, SettingsError, load_settings
 from app.events.streams import encode
 from app.http.deps import LONGEST_WAIT, get_wait, parse_index
 from app.http.problems import ApiError
-from app.http.schemas import Quantity
 from app.main import create_app
 from drivers.bus.memory import MemoryWire
 from drivers.master.plan.configuration import AxisConfig

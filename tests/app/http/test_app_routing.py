@@ -9,8 +9,8 @@ from fastapi.dependencies.models import Dependant
 from fastapi.routing import APIRoute
 from starlette.routing import Route, WebSocketRoute
 
-from app.access.roles import API
 from app.configuration.configuration import Settings
+from app.http.paths import API
 from app.main import ROUTERS, create_app
 
 

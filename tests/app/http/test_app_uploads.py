@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 from starlette.types import Message, Receive, Scope, Send
 
-from app.access.roles import API
 from app.access.security import Policy, SecurityMiddleware
 from app.access.tickets import Tickets
 from app.configuration.configuration import ServerSettings
+from app.http.paths import API
 from app.http.replies import ClientGone, Refusal
 from app.http.uploads import AT_ONCE, JSON, Uploads
 

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from pydantic import BaseModel, ValidationError
 
-from app.axes.schemas import HomeBody, MoveBody
-from app.health.schemas import StopBody
 from app.http.validation import of_unreadable, of_validation
-from app.nodes.schemas import ObjectBody
+from app.moves.schemas import HomeBody, MoveBody
+from app.objects.schemas import ObjectBody
+from app.stop.schemas import StopBody
 
 GOOD = {"target": 1, "unit": "steps"}
 
