@@ -13,7 +13,8 @@ from starlette.middleware import Middleware
 from app.access import routes as access_routes
 from app.access.audit import AuditMiddleware, AuditTrail
 from app.access.documentation import describe_access
-from app.access.security import DOCS_ASSETS, Policy, SecurityMiddleware
+from app.access.policy import Policy
+from app.access.security import DOCS_ASSETS, SecurityMiddleware
 from app.access.tickets import Tickets
 from app.axes import routes as axes_routes
 from app.bus import routes as bus_routes
@@ -35,7 +36,7 @@ from app.nodes import routes as nodes_routes
 from app.objects import routes as objects_routes
 from app.operations import routes as operations_routes
 from app.positions import routes as positions_routes
-from app.service import LifespanState, Service
+from app.service import Parts, Service
 from app.settings import routes as settings_routes
 from app.stop import routes as stop_routes
 from app.trajectories import routes as trajectories_routes
@@ -93,14 +94,14 @@ def create_app(
     wire = _wire(settings.bus) if bus is None else bus
 
     @asynccontextmanager
-    async def lifespan(app: FastAPI) -> AsyncGenerator[LifespanState]:
+    async def lifespan(app: FastAPI) -> AsyncGenerator[Parts]:
         del app
         service = Service(settings, Network(wire, network_config, catalog), issued, trail, keys)
         if on_service is not None:
             on_service(service)
         await service.open()
         try:
-            yield {"service": service}
+            yield service.parts
         finally:
             await service.close()
 

@@ -1,42 +1,61 @@
-"""The running service: what the lifespan makes, and what the routes get from it.
+"""The running service: its parts made, put together, opened, and closed in the right order.
 
-Commands run in tasks of the service, not of the request: a client that vanishes can't cut one in half.
+Nobody but the composition (main, server, commands) knows it. The routes are handed its parts by name.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine
-from typing import Any, TypedDict, TypeVar
+from collections.abc import Callable
+from typing import TypedDict
 
 import structlog
 
 from app.access.audit import AuditTrail
 from app.access.tickets import Tickets
-from app.axes.units import Meant
-from app.configuration.configuration import Settings
+from app.bus.opening import BusOpener
+from app.configuration.configuration import ObjectsSettings, Settings, TrajectorySettings
+from app.coordinated import views as coordinated
 from app.events import journal
 from app.events.streams import Streams
-from app.health.metrics import Metrics
-from app.http.problems import ApiError
+from app.events.wire import Told
+from app.health.condition import Condition
+from app.health.metrics import Measured, Metrics
+from app.http.tasks import Tasks
 from app.idempotency.keys import Keys
 from app.jog.jogs import Jogs
+from app.jog.pressing import Means
 from app.leases.leases import Leases
+from app.moves.meant import Meant
 from app.operations.register import OperationRegister
 from app.operations.restart import note_what_is_found
 from app.positions.positions import Positions
 from app.settings.book import SettingsBook
 from app.store.database import Database
-from drivers.errors import BusDown
+from drivers.master.motions.motion import MotionKind
 from drivers.master.network import Network
 
-T = TypeVar("T")
-
-FIRST_RETRY = 0.5
-LAST_RETRY = 5.0
-"""Seconds between two tries to open a bus that wasn't there at the start."""
-
 log: structlog.stdlib.BoundLogger = structlog.get_logger("canaxis")
+
+
+class Parts(TypedDict):
+    """What the lifespan hands to every request: the parts, as `app.http.parts.Part` names them."""
+
+    network: Network
+    tasks: Tasks
+    bus: BusOpener
+    leases: Leases
+    operations: OperationRegister
+    positions: Positions
+    meant: Meant
+    settings: SettingsBook
+    streams: Streams
+    jogs: Jogs
+    tickets: Tickets
+    objects: ObjectsSettings
+    trajectories: TrajectorySettings
+    condition: Condition
+    metrics: Metrics
 
 
 class Service:
@@ -45,31 +64,42 @@ class Service:
     def __init__(
         self, settings: Settings, network: Network, tickets: Tickets, audit: AuditTrail, keys: Keys
     ) -> None:
-        self.settings = settings
+        most = settings.server.max_streams
+        silence = settings.server.jog_silence_ms / 1000
         self.network = network
-        self.tickets = tickets
         self.audit = audit
         self.keys = keys
+        self.tasks = Tasks()
+        self.bus = BusOpener(network)
         self.store = Database(settings.store.file)
         self.operations = OperationRegister(
             self.store,
             network.axis,
+            results={MotionKind.COORDINATED_MOVE: coordinated.result},
             keep_days=settings.store.keep_days,
             keep_number=settings.store.keep_operations,
         )
         self.book = SettingsBook(settings, network, self.store)
-        self.meant = Meant()
-        """Where moves were meant to end, so that rounding doesn't add up."""
-        self.positions = Positions(self.store)
-        self.leases = Leases(network, self.store, audit, self._spawn)
-        self.streams = Streams(self, settings.server.max_streams)
-        self.jogs = Jogs(self, settings.server.max_streams)
-        self.metrics = Metrics(self)
-        self.bus_problem: str | None = "The bus was not opened yet."
-        """Why the network isn't open; None once it is."""
-        self.closing = False
-        self._tasks: set[asyncio.Task[Any]] = set()
-        self._opener: asyncio.Task[None] | None = None
+        self.leases = Leases(network, self.store, audit, self.tasks.spawn)
+        self.streams = Streams(Told(network, self.bus, self.leases, self.operations), most)
+        self.jogs = Jogs(Means(self.operations, self.leases, self.tasks, audit, silence), most)
+        self.parts = Parts(
+            network=network,
+            tasks=self.tasks,
+            bus=self.bus,
+            leases=self.leases,
+            operations=self.operations,
+            positions=Positions(self.store),
+            meant=Meant(),
+            settings=self.book,
+            streams=self.streams,
+            jogs=self.jogs,
+            tickets=tickets,
+            objects=settings.objects,
+            trajectories=settings.trajectories,
+            condition=Condition(network, self.bus, self.tasks, self.store, audit),
+            metrics=Metrics(Measured(network, self.bus, self.operations, self.streams, audit)),
+        )
         self._watcher: asyncio.Task[None] | None = None
         self._journal: asyncio.Task[None] | None = None
         self.finder: asyncio.Task[None] | None = None
@@ -92,67 +122,33 @@ class Service:
         self._watcher = asyncio.create_task(self._watch(), name="failure watch")
         events = self.network.events.subscribe(kinds=journal.KINDS)
         self._journal = asyncio.create_task(journal.keep_journal(events), name="journal")
-        if not await self._try_open():
-            self._opener = asyncio.create_task(self._keep_trying(), name="bus opener")
+        await self.bus.open()
 
     async def close(self) -> None:
         """End streams, let commands end, ramp the axes down, disable them, close the network."""
-        self.closing = True
+        self.tasks.closing = True
         self.streams.close()
         self.jogs.close()
         try:
-            background = [task for task in (self._opener, self._watcher) if task is not None]
-            for task in background:
-                task.cancel()
-            await asyncio.gather(*background, return_exceptions=True)
+            await self.bus.close()
+            await _cancelled(self._watcher)
             self.leases.close()
             await self.network.close()
-            remaining = [*self._tasks, *(task for task in (self._journal, self.finder) if task is not None)]
-            for task in remaining:
-                task.cancel()
-            await asyncio.gather(*remaining, return_exceptions=True)
+            await self.tasks.close()
+            await _cancelled(self._journal, self.finder)
         finally:
             await self.audit.close()
             await self.store.close()
 
     def begin_shutdown(self) -> None:
         """Stop every axis now, refuse new commands, end the streams. Called on the first signal."""
-        if self.closing:
+        if self.tasks.closing:
             return
-        self.closing = True
+        self.tasks.closing = True
         log.info("shutting down: all axes are told to stop")
         self.network.latch_stop("The service is shutting down.")
         self.streams.close()
         self.jogs.close()
-
-    def check_open(self) -> None:
-        """Raises `ApiError` (503) once the service is shutting down: it takes no new command then."""
-        if self.closing:
-            raise ApiError("shutting_down", "The service is shutting down and takes no new command.")
-
-    async def command(self, work: Coroutine[Any, Any, T]) -> T:
-        """Run a command to its end even if the client goes away. Raises `ApiError` (503) at shutdown."""
-        try:
-            self.check_open()
-        except ApiError:
-            work.close()
-            raise
-        return await self.unconditional(work)
-
-    async def unconditional(self, work: Coroutine[Any, Any, T]) -> T:
-        """The same at any time: for stopping."""
-        return await asyncio.shield(self._spawn(work))
-
-    def _spawn(self, work: Coroutine[Any, Any, T]) -> asyncio.Task[T]:
-        task = asyncio.create_task(work)
-        self._tasks.add(task)
-        task.add_done_callback(self._reap)
-        return task
-
-    def _reap(self, task: asyncio.Task[Any]) -> None:
-        self._tasks.discard(task)
-        if not task.cancelled():
-            task.exception()  # seen: whoever awaited it got it too
 
     async def _watch(self) -> None:
         """What is unexpected ends the service loudly."""
@@ -161,27 +157,10 @@ class Service:
         if self.on_failure is not None:
             self.on_failure()
 
-    async def _try_open(self) -> bool:
-        try:
-            await self.network.open()
-        except BusDown as error:
-            if self.bus_problem != error.message:
-                log.warning("bus not open", problem=error.message, hint=error.hint)
-            self.bus_problem = error.message
-            return False
-        self.bus_problem = None
-        return True
 
-    async def _keep_trying(self) -> None:
-        pause = FIRST_RETRY
-        opened = False
-        while not opened:
-            await asyncio.sleep(pause)
-            pause = min(LAST_RETRY, pause * 2)
-            opened = await self._try_open()
-
-
-class LifespanState(TypedDict):
-    """What the lifespan hands to every request."""
-
-    service: Service
+async def _cancelled(*tasks: asyncio.Task[None] | None) -> None:
+    """Cancel tasks that run for as long as the service does, and wait for their ends."""
+    there = [task for task in tasks if task is not None]
+    for task in there:
+        task.cancel()
+    await asyncio.gather(*there, return_exceptions=True)

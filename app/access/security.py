@@ -9,22 +9,21 @@ motors too.
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Iterable
-from dataclasses import dataclass
 from urllib.parse import parse_qsl
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from app.access.bodies import HANG_UP, check_content_type, read_body, replay
+from app.access.head import Head
+from app.access.policy import Policy
 from app.access.roles import WEBSOCKET, Role, is_cancel, is_stop, role_for
 from app.access.tickets import Tickets
-from app.access.tokens import LOCAL, Principal, Tokens
-from app.configuration.configuration import ServerSettings, TrajectorySettings
+from app.access.tokens import LOCAL, Principal
 from app.http.paths import API, SAFE_METHODS
 from app.http.problems import problem
 from app.http.rates import RateLimit
 from app.http.replies import ClientGone, Refusal, refuse
-from app.http.uploads import JSON, UPLOADS, Upload, Uploads
+from app.http.uploads import UPLOADS, Upload
 
 DOCS_ASSETS = "/docs/assets"
 """Where the interactive documentation's own script and style are: a lab's network may have no way out."""
@@ -36,7 +35,6 @@ TOKEN_PARAMETERS = frozenset(
     {"token", "access_token", "auth_token", "api_key", "apikey", "bearer", "authorization"}
 )
 """Query parameters in which someone may want to send a token: URLs end in logs and histories."""
-MAX_BODY = 64 * 1024
 GUARDS = (
     (b"x-content-type-options", b"nosniff"),
     (b"x-frame-options", b"DENY"),
@@ -47,92 +45,6 @@ POLICY_VIOLATION = 1008
 """The close code of a WebSocket that is refused; before it is accepted, the server says 403."""
 ANYBODY = Principal("anybody", Role.READ)
 """Whoever asks for what is public without a token."""
-HANG_UP = {"Connection": "close"}
-"""For a request whose rest is not worth waiting for."""
-_LOOKED_AT = frozenset(
-    {
-        b"host",
-        b"origin",
-        b"sec-fetch-site",
-        b"sec-fetch-mode",
-        b"authorization",
-        b"content-type",
-        b"content-length",
-    }
-)
-
-
-@dataclass(frozen=True, slots=True)
-class Policy:
-    """What the middleware checks against."""
-
-    hosts: frozenset[str]
-    """Values of the Host header that are ours, in lower case."""
-    origins: frozenset[str]
-    """Origins of pages that may send requests, in lower case."""
-    tokens: Tokens
-    requests_per_second: float | None
-    """Of one client, stops excepted; None: as many as it likes."""
-    request_timeout: float
-    """Seconds in which a body must be here."""
-    uploads: Uploads
-    """How the bodies of the few paths are taken that may be larger."""
-
-    @classmethod
-    def of(cls, server: ServerSettings, trajectories: TrajectorySettings | None = None) -> Policy:
-        """Loopback names with our port, the address that we listen on, and what the settings add.
-
-        Raises `SettingsError` if the tokens can't be read.
-        """
-        trajectories = trajectories or TrajectorySettings()
-        port = server.port
-        hosts = {f"127.0.0.1:{port}", f"localhost:{port}", f"[::1]:{port}"}
-        if server.host not in ("0.0.0.0", "::"):
-            hosts.add(f"[{server.host}]:{port}" if ":" in server.host else f"{server.host}:{port}")
-        hosts |= set(_with_port(server.allowed_hosts, port))
-        own = {f"http://{host}" for host in hosts} | {f"https://{host}" for host in hosts}
-        return cls(
-            hosts=frozenset(host.lower() for host in hosts),
-            origins=frozenset(o.lower().rstrip("/") for o in own | set(server.allowed_origins)) - {"null"},
-            tokens=Tokens.of(server),
-            requests_per_second=server.requests_per_second,
-            request_timeout=server.request_timeout,
-            uploads=Uploads(
-                max_bytes=trajectories.max_bytes,
-                idle_timeout=server.request_timeout,
-                total_timeout=trajectories.upload_timeout,
-                folder=trajectories.folder,
-            ),
-        )
-
-
-def _with_port(hosts: Iterable[str], port: int) -> Iterable[str]:
-    """A host without a port stands for itself (behind a proxy on 80 or 443) and for itself with our port."""
-    for host in hosts:
-        yield host
-        if ":" not in host.rpartition("]")[2]:
-            yield f"{host}:{port}"
-
-
-class Head:
-    """The headers that are looked at, found in one pass: this is done for every status request."""
-
-    __slots__ = ("_values",)
-
-    def __init__(self, scope: Scope) -> None:
-        self._values: dict[bytes, list[str]] = {}
-        for name, value in scope["headers"]:
-            if name in _LOOKED_AT:
-                self._values.setdefault(name, []).append(value.decode("latin-1"))
-
-    def all(self, name: bytes) -> list[str]:
-        """Every value of a header."""
-        return self._values.get(name, [])
-
-    def first(self, name: bytes) -> str:
-        """Its first value; empty if there is none."""
-        values = self._values.get(name)
-        return values[0] if values else ""
 
 
 class SecurityMiddleware:
@@ -164,11 +76,11 @@ class SecurityMiddleware:
             self._admit(scope, head, method)
             if method == "POST" and scope["path"] in UPLOADS:
                 scope["state"]["upload"] = await self._take_upload(scope["path"], receive, head)
-                receive = _replay(b"", receive)
+                receive = replay(b"", receive)
             elif method not in SAFE_METHODS:
-                body = await self._read_body(receive, head)
-                _check_content_type(scope["path"], head, body)
-                receive = _replay(body, receive)
+                body = await read_body(receive, head, self.policy.request_timeout)
+                check_content_type(scope["path"], head, body)
+                receive = replay(body, receive)
         except Refusal as refusal:
             await refuse(scope, receive, send, refusal.reply, refusal.headers)
             return
@@ -268,68 +180,13 @@ class SecurityMiddleware:
 
     async def _take_upload(self, path: str, receive: Receive, head: Head) -> Upload:
         """The body of a path of `UPLOADS`, in a file. All else is as for any command. Raises `Refusal`."""
-        media_type = _media_type(head)
+        media_type = head.media_type
         if media_type not in UPLOADS[path]:
             taken = " or ".join(UPLOADS[path])
             raise Refusal(
                 problem("media_type_unknown", f"This path takes {taken}, not {media_type[:60]!r}."), HANG_UP
             )
-        return await self.policy.uploads.take(receive, media_type, _declared(head))
-
-    async def _read_body(self, receive: Receive, head: Head) -> bytes:
-        """The whole body. Raises `Refusal` as soon as it is known to be too large (413) or too slow (408)."""
-        declared = _declared(head)
-        if declared is not None and declared > MAX_BODY:
-            raise _too_large()
-        try:
-            async with asyncio.timeout(self.policy.request_timeout):
-                return await _whole(receive)
-        except TimeoutError:
-            raise Refusal(
-                problem("request_timeout", f"The body was not here after {self.policy.request_timeout:g} s."),
-                HANG_UP,
-            ) from None
-
-
-def _declared(head: Head) -> int | None:
-    """The length that a body is said to have."""
-    text = head.first(b"content-length")
-    return int(text[:20]) if text.isascii() and text.isdigit() else None
-
-
-def _media_type(head: Head) -> str:
-    return head.first(b"content-type").partition(";")[0].strip().lower()
-
-
-def _too_large() -> Refusal:
-    return Refusal(problem("body_too_large", f"The body is larger than {MAX_BODY} bytes."), HANG_UP)
-
-
-async def _whole(receive: Receive) -> bytes:
-    chunks: list[bytes] = []
-    size = 0
-    while True:
-        message = await receive()
-        if message["type"] == "http.disconnect":
-            raise ClientGone
-        chunk: bytes = message.get("body", b"")
-        size += len(chunk)
-        if size > MAX_BODY:
-            raise _too_large()
-        chunks.append(chunk)
-        if not message.get("more_body", False):
-            return b"".join(chunks)
-
-
-def _check_content_type(path: str, head: Head, body: bytes) -> None:
-    if not body and is_stop(path):
-        return  # stopping is the safe direction: a bare POST will do, whatever a tool declares it to be
-    if _media_type(head) != JSON:
-        raise Refusal(
-            problem(
-                "json_required", "A command needs the content type application/json, even without a body."
-            )
-        )
+        return await self.policy.uploads.take(receive, media_type, head.length)
 
 
 def _guarded(send: Send) -> Send:
@@ -341,17 +198,3 @@ def _guarded(send: Send) -> Send:
         await send(message)
 
     return guarded
-
-
-def _replay(body: bytes, receive: Receive) -> Receive:
-    """A `receive` that gives the body in one piece, then what the server says."""
-    given = False
-
-    async def replay() -> Message:
-        nonlocal given
-        if given:
-            return await receive()
-        given = True
-        return {"type": "http.request", "body": body, "more_body": False}
-
-    return replay

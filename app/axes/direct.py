@@ -15,19 +15,21 @@ from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
 
 from app.access.roles import needs_lease
-from app.http.deps import LONGEST_REFERENCE, command_headers, empty_body, find_axis, get_axis, get_service
+from app.axes.deps import get_axis
+from app.http.finding import LONGEST_REFERENCE, NETWORK, find_axis
+from app.http.parameters import KEY, LEASE, empty_body
+from app.http.parts import Part, part_of
 from app.http.schemas import Reply
-from app.leases.book import LEASE
-from app.service import Service
+from app.idempotency.deps import command_headers
+from app.leases.deps import LEASES
 
-_NEEDS_CARE = frozenset({b"idempotency-key", b"transfer-encoding"})
-_ARGUMENTS = frozenset({"axis", "service"})
-_DEPENDENCIES = frozenset({get_axis, get_service, command_headers, empty_body})
-"""Those of the arguments, and those that have nothing to look at in a plain request."""
+_NEEDS_CARE = frozenset({KEY.encode(), b"transfer-encoding"})
+_DEPENDENCIES = frozenset({get_axis, command_headers, empty_body})
+"""That of the argument, and those that have nothing to look at in a plain request."""
 
 
 class AxisRoute(APIRoute):
-    """A route to an endpoint that takes nothing but the axis of its path, and the service if it wants.
+    """A route to an endpoint that takes nothing but the axis of its path, and parts of the service.
 
     The endpoint's annotations document it as ever. A request that says more, by a body or an idempotency key,
     goes FastAPI's way. Raises `TypeError` for an endpoint or a dependency that would be passed over.
@@ -35,11 +37,18 @@ class AxisRoute(APIRoute):
 
     def __init__(self, path: str, endpoint: Callable[..., Any], **options: Any) -> None:
         super().__init__(path, endpoint, **options)
-        arguments = set(inspect.signature(endpoint).parameters)
-        dependencies = {dependency.call for dependency in self.dependant.dependencies}
-        if unserved := (arguments - _ARGUMENTS) | (dependencies - _DEPENDENCIES):
+        self._parts: dict[str, Part[object]] = {}
+        """By the names of the arguments."""
+        unserved: set[object] = {name for name in inspect.signature(endpoint).parameters if name != "axis"}
+        for dependency in self.dependant.dependencies:
+            part = part_of(dependency.call)
+            if part is not None and dependency.name is not None:
+                self._parts[dependency.name] = part
+                unserved.discard(dependency.name)
+            elif dependency.call not in _DEPENDENCIES:
+                unserved.add(dependency.call)
+        if unserved:
             raise TypeError(f"{path}: nobody would see to {unserved}")
-        self._takes_service = "service" in arguments
         self._needs_lease = any(needs_lease(method, path) for method in self.methods or ())
 
     async def handle(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -47,14 +56,11 @@ class AxisRoute(APIRoute):
         if scope["method"] not in (self.methods or ()) or not _is_plain(scope):
             await super().handle(scope, receive, send)
             return
-        service: Service = scope["state"]["service"]
-        axis = find_axis(service, **scope["path_params"])
+        axis = find_axis(NETWORK.of(scope), **scope["path_params"])
         if self._needs_lease:
-            service.leases.check((axis,), _lease_token(scope))
-        arguments: dict[str, Any] = {"axis": axis}
-        if self._takes_service:
-            arguments["service"] = service
-        reply = await cast("Callable[..., Awaitable[Reply]]", self.endpoint)(**arguments)
+            LEASES.of(scope).check((axis,), _lease_token(scope))
+        parts = {name: part.of(scope) for name, part in self._parts.items()}
+        reply = await cast("Callable[..., Awaitable[Reply]]", self.endpoint)(axis=axis, **parts)
         response = Response(reply.model_dump_json(by_alias=True), media_type="application/json")
         await response(scope, receive, send)
 

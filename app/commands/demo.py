@@ -17,7 +17,8 @@ import typer
 
 from app.commands.logs import configure_logs
 from app.commands.simulate import LISTENS, PANEL
-from app.configuration.configuration import SettingsError, load_settings
+from app.configuration.configuration import SettingsError
+from app.configuration.loading import load_settings
 from app.server import run_server
 from app.service import Service
 from drivers import program

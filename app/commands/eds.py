@@ -16,7 +16,8 @@ from rich.progress import Progress
 from rich.table import Table
 
 from app.commands.serve import parse_option
-from app.configuration.configuration import BusSettings, SettingsError, load_settings
+from app.configuration.configuration import BusSettings, SettingsError
+from app.configuration.loading import load_settings
 from drivers.bus.pythoncan import PythonCanBus
 from drivers.devices.catalog import Catalog
 from drivers.devices.eds import build_eds

@@ -13,7 +13,8 @@ import typer
 
 from app.commands.logs import configure_logs
 from app.commands.parent import ExitWithParent, watching_parent
-from app.configuration.configuration import SettingsError, default_store, load_settings
+from app.configuration.configuration import SettingsError, default_store
+from app.configuration.loading import load_settings
 from app.server import run_server
 from app.service import Service
 

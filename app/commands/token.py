@@ -10,7 +10,8 @@ import typer
 
 from app.access.roles import ROLES
 from app.access.tokens import add_token
-from app.configuration.configuration import SettingsError, load_settings
+from app.configuration.configuration import SettingsError
+from app.configuration.loading import load_settings
 
 
 def token(

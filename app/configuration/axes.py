@@ -7,153 +7,23 @@ nearest step, halves to even.
 
 from __future__ import annotations
 
-import math
-import re
 from collections.abc import Mapping
 from fractions import Fraction
-from typing import Annotated, Any, Literal, Self, cast
+from typing import Annotated, Any, Self, cast
 
 from pydantic import (
-    BaseModel,
-    BeforeValidator,
     ConfigDict,
     Field,
-    GetJsonSchemaHandler,
-    PlainSerializer,
     model_validator,
 )
-from pydantic_core import CoreSchema
 
+from app.configuration.measures import DIMENSIONS, Gear, Measure, unit_of, units_of
+from app.configuration.sections import Name, Section, SettingsError
 from drivers.errors import BadValue
 from drivers.master.plan.configuration import AxisConfig
 from drivers.master.plan.gearing import STEPS, Gearing, exact, micrometres
 
-Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,62}$")]
-_MEASURE = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?)\s*([^\s\d].{0,23}?)?\s*")
-_RATIO = re.compile(r"\s*(\d{1,15}(?:\.\d{1,15})?)\s*:\s*(\d{1,15}(?:\.\d{1,15})?)\s*")
 _BEYOND = 2**63
-
-
-class SettingsError(Exception):
-    """The settings can't be used; the text says which key and why, one line for each."""
-
-
-class Section(BaseModel):
-    """A part of the tree; refuses keys that it doesn't know."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Measure(BaseModel):
-    """A number with its unit; without one it is in the axis's own."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
-
-    value: int | float
-    unit: str | None = Field(default=None, max_length=24)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _read(cls, given: object) -> object:
-        if isinstance(given, bool):
-            raise ValueError("a number is expected")
-        if isinstance(given, int | float):
-            return {"value": given}
-        if isinstance(given, str):
-            found = _MEASURE.fullmatch(given)
-            if found is None:
-                raise ValueError("a number is expected, with its unit if it has another than the axis")
-            return {"value": _number(found[1]), "unit": found[2]}
-        return given
-
-    @classmethod
-    def __get_pydantic_json_schema__(
-        cls, schema: CoreSchema, handler: GetJsonSchemaHandler
-    ) -> dict[str, Any]:
-        """All that is read; what is shown is always the object."""
-        with_unit = handler(schema)
-        return {
-            "title": "Measure",
-            "description": "A number with its unit; alone (in a file only) it is in the axis's own.",
-            "anyOf": [with_unit, {"type": "string", "examples": ["12.5 mm/s"]}, {"type": "number"}],
-        }
-
-    def __str__(self) -> str:
-        return f"{self.value}" if self.unit is None else f"{self.value} {self.unit}"
-
-
-def _number(text: str) -> int | float:
-    return int(text) if text.lstrip("+-").isdecimal() else float(text)
-
-
-def _read_gear(given: object) -> object:
-    """``3:1``, ``[3, 1]`` or 3: turns of the motor to turns of the output."""
-    match given:
-        case [int() | float() as motor, int() | float() as output]:
-            pass
-        case str() if found := _RATIO.fullmatch(given):
-            motor, output = _number(found[1]), _number(found[2])
-        case bool():
-            raise ValueError("a ratio is expected, e.g. 3:1")
-        case int() | float():
-            motor, output = given, 1
-        case Fraction():
-            return given
-        case _:
-            raise ValueError("a ratio is expected, e.g. 3:1")
-    if not (math.isfinite(motor) and math.isfinite(output) and output):
-        raise ValueError("both parts of a ratio must be above 0")
-    return exact(motor) / exact(output)
-
-
-def write_gear(gear: Fraction) -> str:
-    """As `gear` is written in a settings file."""
-    return f"{gear.numerator}:{gear.denominator}"
-
-
-Gear = Annotated[
-    Fraction,
-    BeforeValidator(_read_gear, json_schema_input_type=str),
-    PlainSerializer(write_gear, return_type=str),
-]
-
-POSITION, VELOCITY, ACCELERATION, TIME, CURRENT = "", "/s", "/s2", "ms", "%"
-Dimension = Literal["", "/s", "/s2", "ms", "%"]
-"""What follows the axis's unit; or a unit of its own."""
-DIMENSIONS: Mapping[str, Dimension] = {
-    "velocity": VELOCITY,
-    "acceleration": ACCELERATION,
-    "deceleration": ACCELERATION,
-    "max_velocity": VELOCITY,
-    "max_acceleration": ACCELERATION,
-    "quick_stop_deceleration": ACCELERATION,
-    "start_velocity": VELOCITY,
-    "end_velocity": VELOCITY,
-    "ramp_a1": ACCELERATION,
-    "ramp_v1": VELOCITY,
-    "ramp_d1": ACCELERATION,
-    "ramp_a2": ACCELERATION,
-    "ramp_v2": VELOCITY,
-    "ramp_d2": ACCELERATION,
-    "ramp_wait": TIME,
-    "homing_fast": VELOCITY,
-    "homing_slow": VELOCITY,
-    "homing_acceleration": ACCELERATION,
-    "home_offset": POSITION,
-    "position_tolerance": POSITION,
-    "position_window": POSITION,
-    "position_window_time": TIME,
-    "following_error_window": POSITION,
-    "run_current": CURRENT,
-    "standby_current": CURRENT,
-    "standby_delay": TIME,
-    "brake_apply_current": CURRENT,
-    "brake_release_current": CURRENT,
-    "brake_apply_delay": TIME,
-    "brake_release_delay": TIME,
-    "enable_delay": TIME,
-}
-"""The settings that are one number with a unit."""
 _ABOVE_NOTHING = frozenset(
     {
         *("velocity", "acceleration", "deceleration", "quick_stop_deceleration"),
@@ -166,28 +36,6 @@ _PLAIN = (
     *("encoder_null_polarity", "encoder_direction", "encoder_initialize"),
 )
 """The settings that are the same in the configuration."""
-_TIMES: Mapping[str, Fraction] = {"ms": Fraction(1000), "s": Fraction(1_000_000), "us": Fraction(1)}
-"""Microseconds in each unit of time."""
-_TICKS: Mapping[str, int] = {"ramp_wait": 32, "standby_delay": 10_000}
-"""Microseconds of one in the object, where it isn't a millisecond."""
-_CURRENTS: Mapping[str, Fraction] = {"%": Fraction(255, 100), "1/255": Fraction(1)}
-"""255ths of the full current in each unit of current."""
-
-
-def units_of(key: str, axis: AxisConfig) -> dict[str, Fraction]:
-    """What the setting's object counts, in one of each unit that the setting may be given in."""
-    dimension = DIMENSIONS[key]
-    if dimension == CURRENT:
-        return dict(_CURRENTS)
-    if dimension == TIME:
-        return {unit: size / _TICKS.get(key, 1000) for unit, size in _TIMES.items()}
-    return {unit + dimension: size for unit, size in axis.units.items()}
-
-
-def unit_of(key: str, unit: str) -> str:
-    """The unit of a number that stands alone, on an axis with this unit."""
-    dimension = DIMENSIONS[key]
-    return dimension if dimension in (TIME, CURRENT) else unit + dimension
 
 
 class AxisValues(Section):

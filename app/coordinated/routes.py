@@ -10,11 +10,13 @@ from fastapi import Response
 from app.axes.units import Scale
 from app.coordinated import views
 from app.coordinated.schemas import MovesBody, MovesPrediction
-from app.http.deps import DryRun, ServiceDep, find_axis
 from app.http.documentation import MOVING, problems
+from app.http.finding import NetworkDep, find_axis
+from app.http.parameters import DryRun
 from app.http.paths import API
 from app.http.routing import Router
-from app.moves.routes import ANSWERED
+from app.moves.deps import MeantDep
+from app.operations.answers import ANSWERED
 from app.operations.schemas import OperationReply
 from app.operations.starting import StarterDep
 from drivers.master.axis.axis import Axis
@@ -39,7 +41,8 @@ _ANSWERS: dict[int | str, dict[str, Any]] = {
 @router.post("/moves", summary="Move axes together", status_code=202, responses=_ANSWERS)
 async def move_together(
     body: MovesBody,
-    service: ServiceDep,
+    network: NetworkDep,
+    meant: MeantDep,
     starter: StarterDep,
     response: Response,
     dry_run: DryRun = False,
@@ -52,10 +55,10 @@ async def move_together(
     aims: list[tuple[Axis, Fraction | None]] = []
     asked: list[dict[str, Any]] = []
     for each in body.targets:
-        axis = find_axis(service, str(each.node), str(each.axis))
+        axis = find_axis(network, each.node, each.axis)
         scale = Scale.named(each.unit, axis.config)
         wanted = scale.exact("target", each.target)
-        target, aim = starter.meant.target(axis, wanted, OnBusy(body.on_busy), relative=each.relative)
+        target, aim = meant.target(axis, wanted, OnBusy(body.on_busy), relative=each.relative)
         request = MoveRequest(
             target=target,
             relative=each.relative,
@@ -74,11 +77,9 @@ async def move_together(
         return views.prediction(GroupPrediction.of(moves, at_least=at_least, replace=replace))
 
     def begin(operation_id: str) -> GroupMotion:
-        group = service.network.move_together(
-            moves, at_least=at_least, replace=replace, undertaking_id=operation_id
-        )
+        group = network.move_together(moves, at_least=at_least, replace=replace, undertaking_id=operation_id)
         for axis, aim in aims:
-            starter.meant.sent(axis, aim)
+            meant.sent(axis, aim)
         return group
 
     said = body.model_dump(exclude_none=True) | {"targets": asked}

@@ -9,8 +9,7 @@ from pydantic import Field
 from app.axes.schemas import ChangeReply, Quantity
 from app.http import examples
 from app.http.schemas import ObstacleReply, Reply, Request
-from app.moves.previews import PathReply
-from app.moves.schemas import MoveBody
+from app.moves.schemas import MoveBody, PathReply
 
 Reference = Annotated[int, Field(ge=0, le=127)] | Annotated[str, Field(min_length=1, max_length=64)]
 

@@ -2,28 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
 from app.axes import views
 from app.axes.schemas import Quantity
 from app.axes.units import Scale
 from app.coordinated.schemas import MovesPrediction, PredictedAxis
-from app.moves.previews import PathReply
-from drivers.master.together.coordinated_move import GroupMotion
+from app.moves.schemas import PathReply
+from drivers.master.axis.axis import Axis
+from drivers.master.motions.motion import Undertaking
 from drivers.master.together.group_prediction import GroupPrediction
 from drivers.master.together.member import Member
 
 _SUFFIXES = {"position": "", "target": "", "velocity": "/s", "acceleration": "/s2", "deceleration": "/s2"}
 
 
-def result(motion: GroupMotion) -> dict[str, Any]:
+def result(motion: Undertaking, taking_part: Sequence[Axis]) -> dict[str, Any]:
     """What came of it, with each axis's units beside its numbers."""
     assert motion.result is not None
     rows = cast("list[Mapping[str, Any]]", motion.result["axes"])
     axes: list[dict[str, Any]] = []
-    for member, row in zip(motion.members, rows, strict=True):
-        scale = Scale.of(member.axis.config)
+    for axis, row in zip(taking_part, rows, strict=True):
+        scale = Scale.of(axis.config)
         axes.append(
             {
                 key: scale.quantity(value, _SUFFIXES[key]).model_dump()

@@ -9,7 +9,7 @@ from fastapi import Header
 from fastapi.responses import Response
 
 from app.access.documentation import TICKET
-from app.http.deps import ServiceDep
+from app.events.deps import StreamsDep
 from app.http.documentation import Responses, problems
 from app.http.paths import API
 from app.http.routing import Router
@@ -43,7 +43,7 @@ STREAM: Responses = {
     responses={**STREAM, **problems("too_many_streams", "shutting_down")},
 )
 async def stream_events(
-    service: ServiceDep,
+    streams: StreamsDep,
     last_event_id: Annotated[
         str | None,
         Header(
@@ -57,4 +57,4 @@ async def stream_events(
     A client that comes back with `Last-Event-ID` gets what it missed.
     """
     known = _EVENT_ID.fullmatch(last_event_id or "")
-    return service.streams.open(None if known is None else int(known[0]))
+    return streams.open(None if known is None else int(known[0]))

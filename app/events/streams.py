@@ -14,20 +14,15 @@ import json
 from collections import OrderedDict
 from collections.abc import AsyncGenerator, Callable, Iterator
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from starlette.requests import ClientDisconnect
 from starlette.responses import StreamingResponse
 from starlette.types import Message, Receive, Scope, Send
 
-from app.axes import views
+from app.events.wire import Told
 from app.http.problems import ApiError
-from drivers.master.motions.motion import Undertaking
-from drivers.master.seen.emergencies import EmergencyRecord
 from drivers.master.seen.events import Event, Subscription
-
-if TYPE_CHECKING:
-    from app.service import Service
 
 KEEP_ALIVE = 15.0
 """Seconds of silence after which a comment keeps the connection open."""
@@ -86,8 +81,10 @@ class EventStream(StreamingResponse):
 class Streams:
     """All open streams of the service, and the bytes that they share."""
 
-    def __init__(self, service: Service, limit: int) -> None:
-        self._service = service
+    def __init__(self, told: Told, limit: int) -> None:
+        """`limit`: how many may be open at once."""
+        self._told = told
+        self._hub = told.network.events
         self._limit = limit
         self._open: set[Subscription] = set()
         self._encoded: OrderedDict[int, bytes] = OrderedDict()
@@ -108,7 +105,7 @@ class Streams:
             raise ApiError("shutting_down", "The service is shutting down and opens no new stream.")
         if len(self._open) >= self._limit:
             raise ApiError("too_many_streams", f"{self._limit} event streams are open already.")
-        subscription = self._service.network.events.subscribe(CAPACITY)
+        subscription = self._hub.subscribe(CAPACITY)
         self._open.add(subscription)
         return EventStream(
             self._chunks(subscription, last_event_id), release=lambda: self._release(subscription)
@@ -127,7 +124,7 @@ class Streams:
             subscription.close()
 
     async def _chunks(self, subscription: Subscription, last_event_id: int | None) -> AsyncGenerator[bytes]:
-        begun = self._service.network.events.last_id
+        begun = self._hub.last_id
         yield self._beginning(last_event_id)
         while True:
             try:
@@ -148,15 +145,14 @@ class Streams:
 
     def _beginning(self, last_event_id: int | None) -> bytes:
         """The events that the client missed, as far as they are kept, then a snapshot of everything."""
-        hub = self._service.network.events
         chunks = [RETRY]
         if last_event_id is not None:
-            kept = hub.since(last_event_id)
+            kept = self._hub.since(last_event_id)
             if kept is None:
                 chunks.append(encode("missed", {"missed": None, "since": last_event_id}))
             else:
                 chunks.extend(self._bytes_of(event) for event in kept)
-        chunks.append(encode("snapshot", views.snapshot(self._service), hub.last_id))
+        chunks.append(encode("snapshot", self._told.snapshot(), self._hub.last_id))
         return b"".join(chunks)
 
     def _bytes_of(self, event: Event) -> bytes:
@@ -172,21 +168,12 @@ class Streams:
 
     def _wire(self, event: Event) -> dict[str, Any]:
         """What the event says to a client; the same shapes as in the replies to GET."""
-        service = self._service
-        data: dict[str, Any]
-        if event.kind == "axis" and event.node is not None and event.axis is not None:
-            data = views.axis_status(
-                service.network.node(event.node).axis(event.axis), service.leases
-            ).model_dump(mode="json")
-        elif event.kind == "node" and event.node is not None:
-            data = views.node(service.network.node(event.node)).model_dump(mode="json")
-        elif event.kind == "emergency" and isinstance(record := event.data["record"], EmergencyRecord):
-            data = views.emergency(record).model_dump(mode="json", by_alias=True)
-        elif event.kind == "motion" and isinstance(motion := event.data["motion"], Undertaking):
-            data = service.operations.reply_for(motion).model_dump(mode="json")
-        else:  # bus, lease, stop
-            data = {key: views.plain(value) for key, value in event.data.items()}
-        return {**data, "time": _plain(event.time), "node": event.node, "axis": event.axis}
+        return {
+            **self._told.news(event),
+            "time": _plain(event.time),
+            "node": event.node,
+            "axis": event.axis,
+        }
 
 
 def _waiting(subscription: Subscription, first: Event | None) -> Iterator[Event]:

@@ -5,27 +5,40 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from prometheus_client import CollectorRegistry, Histogram, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
 from prometheus_client.registry import Collector
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from app.access.audit import AuditTrail
+from app.bus.opening import BusOpener
+from app.events.streams import Streams
+from app.http.parts import Part
+from app.operations.register import OperationRegister
+from drivers.master.network import Network
 from drivers.master.seen.status import NodeState
-
-if TYPE_CHECKING:
-    from app.service import Service
 
 STREAM = "stream_events"
 """The operation that lasts as long as its client likes."""
 BUCKETS = (0.0005, 0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1, 2.5, 5, 10, 30)
 
 
+@dataclasses.dataclass(frozen=True, slots=True)
+class Measured:
+    """The parts of the service that have counters."""
+
+    network: Network
+    bus: BusOpener
+    operations: OperationRegister
+    streams: Streams
+    audit: AuditTrail
+
+
 class Metrics:
     """The service's registry, and the histogram that the middleware feeds."""
 
-    def __init__(self, service: Service) -> None:
+    def __init__(self, measured: Measured) -> None:
         self.registry = CollectorRegistry()
         self.latency = Histogram(
             "canaxis_http_request_duration_seconds",
@@ -34,7 +47,7 @@ class Metrics:
             registry=self.registry,
             buckets=BUCKETS,
         )
-        self.registry.register(ServiceCollector(service))
+        self.registry.register(ServiceCollector(measured))
 
     def render(self) -> bytes:
         """The text that Prometheus reads."""
@@ -44,8 +57,8 @@ class Metrics:
 class ServiceCollector(Collector):
     """Reads the drivers' counters at the moment of the scrape; nothing is counted twice."""
 
-    def __init__(self, service: Service) -> None:
-        self._service = service
+    def __init__(self, measured: Measured) -> None:
+        self._measured = measured
 
     def describe(self) -> Iterator[Metric]:
         """Nothing up front: registering must not read the counters."""
@@ -59,9 +72,9 @@ class ServiceCollector(Collector):
         yield from self._of_service()
 
     def _of_bus(self) -> Iterator[Metric]:
-        status = self._service.network.bus_status()
+        status = self._measured.network.bus_status()
         up = GaugeMetricFamily("canaxis_bus_up", "Whether frames can be sent.")
-        up.add_metric((), float(self._service.bus_problem is None and status.state.can_send))
+        up.add_metric((), float(self._measured.bus.problem is None and status.state.can_send))
         yield up
         for name, value in dataclasses.asdict(status.counters).items():
             yield CounterMetricFamily(f"canaxis_bus_{name}", f"Bus counter {name}.", value=value)
@@ -74,7 +87,7 @@ class ServiceCollector(Collector):
             "canaxis_node_sdo_waiting", "Object transfers that wait for their turn.", labels=("node",)
         )
         families: dict[str, CounterMetricFamily] = {}
-        for node in self._service.network.nodes.values():
+        for node in self._measured.network.nodes.values():
             status = node.status()
             waiting.add_metric((str(node.node_id),), node.sdo.waiting)
             for each in NodeState:
@@ -98,7 +111,7 @@ class ServiceCollector(Collector):
         stale = GaugeMetricFamily(
             "canaxis_axis_stale", "Whether the status is too old to rely on.", labels=labels
         )
-        for node in self._service.network.nodes.values():
+        for node in self._measured.network.nodes.values():
             for axis in node.axes:
                 key = (str(node.node_id), str(axis.number))
                 if axis.status.position is not None:
@@ -108,27 +121,30 @@ class ServiceCollector(Collector):
         yield from (position, moving, stale)
 
     def _of_service(self) -> Iterator[Metric]:
-        service = self._service
+        measured = self._measured
         started = CounterMetricFamily("canaxis_operations_started", "Operations begun.", labels=("kind",))
-        for kind, count in service.operations.started.items():
+        for kind, count in measured.operations.started.items():
             started.add_metric((kind.value,), count)
         yield started
-        yield GaugeMetricFamily("canaxis_event_streams", "Open event streams.", value=len(service.streams))
+        yield GaugeMetricFamily("canaxis_event_streams", "Open event streams.", value=len(measured.streams))
         yield CounterMetricFamily(
             "canaxis_event_streams_missed_events",
             "Events that slow clients lost.",
-            value=service.streams.missed,
+            value=measured.streams.missed,
         )
         yield GaugeMetricFamily(
             "canaxis_audit_up",
             "Whether the record of commands is written.",
-            value=float(service.audit.problem is None),
+            value=float(measured.audit.problem is None),
         )
         yield CounterMetricFamily(
-            "canaxis_audit_lost", "Commands that are missing in its file.", value=service.audit.lost
+            "canaxis_audit_lost", "Commands that are missing in its file.", value=measured.audit.lost
         )
-        latched = float(service.network.stop_latched is not None)
+        latched = float(measured.network.stop_latched is not None)
         yield GaugeMetricFamily("canaxis_stop_latched", "Whether a stop is latched.", value=latched)
+
+
+METRICS: Part[Metrics] = Part("metrics")
 
 
 class LatencyMiddleware:
@@ -155,6 +171,6 @@ class LatencyMiddleware:
             await self.app(scope, receive, watch)
         finally:
             operation = getattr(scope.get("route"), "name", None)
-            service: Service | None = scope.get("state", {}).get("service")
-            if operation is not None and service is not None and operation != STREAM:
-                service.metrics.latency.labels(operation, str(status)).observe(time.perf_counter() - began)
+            metrics = METRICS.of_any(scope)
+            if operation is not None and metrics is not None and operation != STREAM:
+                metrics.latency.labels(operation, str(status)).observe(time.perf_counter() - began)

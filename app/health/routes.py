@@ -8,14 +8,12 @@ from typing import Annotated
 from fastapi import Path, Response
 from fastapi.responses import PlainTextResponse
 
+from app.health.deps import ConditionDep, MetricsDep
 from app.health.schemas import LiveReply, ReadyReply, ServiceReply
-from app.http.deps import ServiceDep
 from app.http.documentation import problems
 from app.http.paths import API
 from app.http.problem_types import ProblemTypeReply, problem_type
 from app.http.routing import Router
-from app.service import Service
-from drivers.master.seen.status import NodeState
 
 router = Router("", tags=["service"])
 api_root = Router(API, tags=["service"])
@@ -31,42 +29,11 @@ async def get_livez() -> LiveReply:
 
 
 @router.get("/readyz", summary="Whether everything can be commanded", responses={**problems(), **NOT_READY})
-async def get_readyz(service: ServiceDep, response: Response) -> ReadyReply:
+async def get_readyz(condition: ConditionDep, response: Response) -> ReadyReply:
     """503 with reasons while the bus is down or a configured node is not operational."""
-    reasons = not_ready_reasons(service)
+    reasons = condition.reasons()
     response.status_code = 503 if reasons else 200
-    return ReadyReply(ready=not reasons, reasons=reasons, warnings=_warnings(service))
-
-
-def not_ready_reasons(service: Service) -> list[str]:
-    """Why the service is not ready; empty if it is."""
-    reasons: list[str] = []
-    bus = service.network.bus_status()
-    if service.network.failure is not None:
-        reasons.append("The service failed unexpectedly; its log says more.")
-    if service.closing:
-        reasons.append("The service is shutting down.")
-    if service.bus_problem is not None:
-        reasons.append(f"The bus is not open: {service.bus_problem}")
-    elif not bus.state.can_send:
-        reasons.append(f"The bus is {bus.state.value}: {bus.reason}")
-    for node in service.network.nodes.values():
-        status = node.status()
-        if status.state is not NodeState.OPERATIONAL:
-            reasons.append(
-                f"Node {node.node_id} ({node.name}) is {status.state.value}. {status.reason}".strip()
-            )
-    return reasons
-
-
-def _warnings(service: Service) -> list[str]:
-    """What prevents no command, but should be put right."""
-    warnings: list[str] = []
-    if not (history := service.store.health).on:
-        warnings.append(f"History is off: {history.reason}")
-    if (problem := service.audit.problem) is not None:
-        warnings.append(f"The record of commands is off: {problem}")
-    return warnings
+    return ReadyReply(ready=not reasons, reasons=reasons, warnings=condition.warnings())
 
 
 @router.get(
@@ -75,9 +42,9 @@ def _warnings(service: Service) -> list[str]:
     response_class=PlainTextResponse,
     responses={200: {"content": {"text/plain": {"example": "canaxis_bus_up 1.0\n"}}}, **problems()},
 )
-async def get_metrics(service: ServiceDep) -> Response:
+async def get_metrics(metrics: MetricsDep) -> Response:
     """Counters of the bus, the nodes, the operations and this API."""
-    return Response(service.metrics.render(), media_type=METRICS_TYPE)
+    return Response(metrics.render(), media_type=METRICS_TYPE)
 
 
 @router.get("/problems/{name}", summary="What a problem means", responses=problems("unknown_problem"))

@@ -1,1 +1,1 @@
-"""What every route needs: problems, replies, validation, the document of the API."""
+"""What every route needs: finding axes, tasks, waiting, problems, replies, the document of the API."""

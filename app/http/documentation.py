@@ -64,8 +64,6 @@ NODE_COMMAND = (*NODE, *UNSAFE, *KEYS, *LEASES, *TRANSFER, *NODE_REFUSALS)
 AXIS_COMMAND = (*AXIS, *UNSAFE, *KEYS, *LEASES, *TRANSFER, *STATE, *UNFINISHED)
 SETTINGS_CHANGE = (*UNSAFE, *KEYS, *LEASES, *TRANSFER, "bad_value", "not_ready", "axis_busy", "history_off")
 MOVING = (*AXIS_COMMAND, "bad_value", "axis_queue_full")
-
-
 RETRY_AFTER = {
     "Retry-After": {
         "description": "Seconds after which it is worth to try again, where waiting helps and is known to.",
@@ -98,15 +96,6 @@ def _response(codes: list[str]) -> dict[str, Any]:
 
 def _example(code: str) -> dict[str, Any]:
     return problem(code, PROBLEM_TYPES[code].title + ".", instance="/api/v1/nodes/1/axes/0/move").body
-
-
-def operation_links() -> dict[str, Any]:
-    """Where a client goes from a reply that holds an operation; schemathesis goes there too."""
-    by_id = {"parameters": {"id": "$response.body#/id"}}
-    return {
-        "operation": {"operationId": "get_operation", "description": "How far it is.", **by_id},
-        "cancel": {"operationId": "cancel_operation", "description": "End it.", **by_id},
-    }
 
 
 def operation_id(route: APIRoute) -> str:

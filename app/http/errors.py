@@ -16,11 +16,11 @@ from starlette.responses import Response
 from starlette.routing import compile_path
 
 from app.http import problems, validation
-from app.http.deps import LONGEST_WAIT
+from app.http.finding import NETWORK
 from app.http.paths import operation_path
 from app.http.problems import ApiError, ProblemReply
 from app.http.replies import problem_response
-from app.service import Service
+from app.http.waiting import LONGEST_WAIT
 from drivers.errors import AxisBusy, CanaxisError, LineFull, NotReady
 from drivers.master.motions.motion import Undertaking
 
@@ -61,8 +61,9 @@ def _running_motion(request: Request, error: NotReady) -> Undertaking | None:
     """What holds the axis."""
     if error.node is None or error.axis is None:
         return None
-    service: Service = request.state.service
-    motion = service.network.node(error.node).axis(error.axis).motion
+    if (network := NETWORK.of_any(request.scope)) is None:
+        return None
+    motion = network.node(error.node).axis(error.axis).motion
     return None if motion is None or motion.done else motion
 
 

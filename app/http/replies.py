@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from typing import Any
 
 from starlette.responses import Response
 from starlette.types import Receive, Scope, Send
@@ -50,13 +49,3 @@ async def refuse(
 ) -> None:
     """Answer a request from within the middleware."""
     await problem_response(reply, instance=scope["path"], headers=headers)(scope, receive, send)
-
-
-def location_header() -> dict[str, Any]:
-    """How the document describes the Location header."""
-    return {"Location": {"description": "Where the operation is.", "schema": {"type": "string"}}}
-
-
-def preference_header() -> dict[str, Any]:
-    """How the document describes the Preference-Applied header."""
-    return {"Preference-Applied": {"description": "The wait that was granted.", "schema": {"type": "string"}}}

@@ -12,10 +12,12 @@ from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from app.http.paths import operation_path
 from app.http.problems import problem
 from app.http.replies import problem_response
 from app.idempotency import table as rows
-from app.store.database import Database, Statement, StoreOff
+from app.store.database import Database, StoreOff
+from app.store.sqlite import Statement
 
 LIFETIME = 24 * 3600.0
 CAPACITY = 10_000
@@ -213,9 +215,9 @@ class Keys:
 
 def _answer_of_a_restart(row: rows.Unanswered) -> Statement:
     """What became of a key whose request the service's end cut off: its operation, or nobody knows."""
-    if row.document is not None:
+    if row.operation_id is not None and row.document is not None:
         headers = [(b"content-type", b"application/json")]
-        headers.append((b"location", f"/api/v1/operations/{row.operation_id}".encode()))
+        headers.append((b"location", operation_path(row.operation_id).encode()))
         return rows.answered(row.key, 200, headers, row.document.encode())
     reply = problem(
         "service_restarted",

@@ -18,6 +18,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.access.roles import is_stop
 from app.access.tokens import LOCAL, Principal
+from app.http.parameters import KEY
 from app.http.paths import SAFE_METHODS
 from app.http.problems import problem
 from app.http.replies import problem_response, refuse
@@ -25,7 +26,6 @@ from app.http.uploads import Upload
 from app.idempotency.keys import Claim, Keys, Record
 from app.store.database import StoreOff
 
-HEADER = "idempotency-key"
 LONGEST_KEY = 255
 
 
@@ -40,7 +40,7 @@ class IdempotencyMiddleware:
         """Carry out, replay, or refuse."""
         key = None
         if scope["type"] == "http" and scope["method"] not in SAFE_METHODS and not is_stop(scope["path"]):
-            key = Headers(scope=scope).get(HEADER)
+            key = Headers(scope=scope).get(KEY)
         if key is None:
             await self.app(scope, receive, send)
             return

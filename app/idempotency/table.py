@@ -6,7 +6,8 @@ import json
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from app.store.database import Database, Statement
+from app.store.database import Database
+from app.store.sqlite import Statement
 
 Headers = Sequence[tuple[bytes, bytes]]
 

@@ -7,14 +7,17 @@ from typing import Annotated
 
 from fastapi import Depends, Path
 
-from app.axes import views
-from app.http.deps import LONGEST_REFERENCE, NodeDep, ServiceDep, command_headers
+from app.axes.deps import NodeDep
 from app.http.documentation import KEYS, LEASES, NODE, TRANSFER, UNSAFE, problems
+from app.http.finding import LONGEST_REFERENCE
 from app.http.paths import API
 from app.http.problems import ApiError
 from app.http.routing import Router
+from app.http.tasks import TasksDep
+from app.idempotency.deps import command_headers
+from app.io import views
 from app.io.schemas import InputsReply, OutputBody, OutputReply, OutputsReply, WaitBody
-from app.moves.routes import ANSWERED
+from app.operations.answers import ANSWERED
 from app.operations.schemas import OperationReply
 from app.operations.starting import StarterDep
 from drivers.master.motions.motion import MotionKind
@@ -73,16 +76,14 @@ async def get_outputs(node: NodeDep) -> OutputsReply:
         )
     ),
 )
-async def switch_output(
-    body: OutputBody, node: NodeDep, output: OutputRef, service: ServiceDep
-) -> OutputReply:
+async def switch_output(body: OutputBody, node: NodeDep, output: OutputRef, tasks: TasksDep) -> OutputReply:
     """Switch a digital output on or off; answers once that was read back. The others are left alone.
 
     Refused where the pin is an input, where the module may drive a brake with it, and, for on, while a stop
     is latched.
     """
     number = node.terminals.find_output(int(output) if output.isdecimal() and output.isascii() else output)
-    return views.output(node, await service.command(node.terminals.switch(number, on=body.on)))
+    return views.output(node, await tasks.command(node.terminals.switch(number, on=body.on)))
 
 
 @router.post(

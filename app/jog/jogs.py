@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 from starlette.websockets import WebSocket
 
 from app.access.schemas import Asker
 from app.http.problems import ApiError, ProblemReply, of_api_error, of_driver_error
 from app.http.schemas import Problem
+from app.jog.pressing import Means
 from app.jog.schemas import ProblemMessage
 from app.jog.socket import REFUSED, RESTART, UNKNOWN, JogSocket, close
 from drivers.errors import CanaxisError
 from drivers.master.axis.axis import Axis
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from app.service import Service
-
 
 class Jogs:
     """Serves them."""
 
-    def __init__(self, service: Service, limit: int) -> None:
-        self._service = service
+    def __init__(self, means: Means, limit: int) -> None:
+        """`limit`: how many may be open at once."""
+        self._means = means
         self._limit = limit
         self._open: set[JogSocket] = set()
 
@@ -34,7 +31,7 @@ class Jogs:
     async def serve(self, websocket: WebSocket, find: Callable[[], Axis], asker: Asker) -> None:
         """Jog the axis that `find` gives, until the connection ends. What is refused is told first."""
         try:
-            self._service.check_open()
+            self._means.tasks.check_open()
             if len(self._open) >= self._limit:
                 raise ApiError("too_many_streams", f"{self._limit} connections that jog are open already.")
             axis = find()
@@ -44,7 +41,7 @@ class Jogs:
         except CanaxisError as error:
             await _turn_away(websocket, of_driver_error(error), UNKNOWN)
             return
-        socket = JogSocket(self._service, axis, websocket, asker)
+        socket = JogSocket(self._means, axis, websocket, asker)
         self._open.add(socket)
         try:
             await socket.serve()

@@ -15,8 +15,6 @@ from typing import TypeAlias
 
 from app.http.problems import ApiError
 
-LEASE = "lease"
-"""The header with the token of a lease."""
 SHORTEST = 1.0
 LONGEST = 3600.0
 """Seconds that a lease may last without being renewed."""

@@ -6,20 +6,21 @@ from typing import Annotated
 
 from fastapi import Depends
 
+from app.axes.deps import AxisDep
 from app.axes.units import STEPS, Scale
-from app.http.deps import AxisDep, ServiceDep
 from app.moves.schemas import GoBody, MoveBody, MoveOrGoBody, NamedMove
+from app.positions.deps import PositionsDep
 from app.positions.positions import check_going
 
 
-async def wanted_move(body: MoveOrGoBody, axis: AxisDep, service: ServiceDep) -> MoveBody:
+async def wanted_move(body: MoveOrGoBody, axis: AxisDep, positions: PositionsDep) -> MoveBody:
     """The body with its target; a named one is in steps, and says the name too.
 
     Raises `ApiError` (404, 422, 503) and `NotReady`.
     """
     if not isinstance(body, GoBody):
         return body
-    position = await service.positions.find(axis, body.position)
+    position = await positions.find(axis, body.position)
     check_going(axis, position)
     scale = Scale.of(axis.config) if body.unit is None else Scale.named(body.unit, axis.config)
     return NamedMove(

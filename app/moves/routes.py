@@ -5,36 +5,25 @@ Each answers with an operation: the motion is the service's, not the client's.
 
 from __future__ import annotations
 
+from fastapi import Response
+
+from app.axes.deps import AxisDep
 from app.axes.units import Scale
-from app.http.deps import AxisDep, DryRun
-from app.http.documentation import MOVING, Responses, operation_links, problems
+from app.http.documentation import MOVING, Responses, problems
+from app.http.parameters import DryRun
 from app.http.paths import API
 from app.http.problems import ApiError
-from app.http.replies import location_header, preference_header
 from app.http.routing import Router
+from app.moves import views
+from app.moves.deps import MeantDep
 from app.moves.going import MoveDep
-from app.moves.previews import PreviewReply
-from app.moves.schemas import HomeBody, SetPositionBody, VelocityBody
+from app.moves.schemas import HomeBody, PreviewReply, SetPositionBody, VelocityBody
+from app.operations.answers import ANSWERED
 from app.operations.schemas import OperationReply
 from app.operations.starting import StarterDep
 from drivers.master.motions.motion import Motion, MotionKind
 from drivers.master.plan.requests import HomeRequest, MoveRequest, OnBusy, SetPositionRequest, VelocityRequest
 
-ANSWERED: Responses = {
-    200: {
-        "description": "It ended while the request waited; `state` says how.",
-        "model": OperationReply,
-        "headers": preference_header(),
-        "links": operation_links(),
-    },
-    202: {
-        "description": "It is under way; ask at `Location`.",
-        "model": OperationReply,
-        "headers": {**location_header(), **preference_header()},
-        "links": operation_links(),
-    },
-}
-"""How a command that takes time answers if it isn't refused."""
 ANSWERS: Responses = {**ANSWERED, **problems(*MOVING)}
 PREVIEWED: Responses = {
     200: {
@@ -59,7 +48,12 @@ router = Router(
     responses={**PREVIEWED, **problems(*MOVING, "unknown_position", "store_off")},
 )
 async def move_axis(
-    body: MoveDep, axis: AxisDep, starter: StarterDep, dry_run: DryRun = False
+    body: MoveDep,
+    axis: AxisDep,
+    meant: MeantDep,
+    starter: StarterDep,
+    response: Response,
+    dry_run: DryRun = False,
 ) -> OperationReply | PreviewReply:
     """Go to a position, told or taught, or by a distance.
 
@@ -69,7 +63,7 @@ async def move_axis(
     scale = Scale.named(body.unit, axis.config)
     on_busy = OnBusy(body.on_busy)
     wanted = scale.exact("target", body.target)
-    target, aim = starter.meant.target(axis, wanted, on_busy, relative=body.relative)
+    target, aim = meant.target(axis, wanted, on_busy, relative=body.relative)
     request = MoveRequest(
         target=target,
         relative=body.relative,
@@ -79,11 +73,12 @@ async def move_axis(
     )
     asked = body.model_dump(exclude_none=True) | scale.commanded("target", body.target, request.target)
     if dry_run:
-        return starter.preview(MotionKind.MOVE, axis, asked, request, on_busy)
+        response.status_code = 200
+        return views.preview(MotionKind.MOVE.value, axis, axis.preview(request, on_busy), asked)
 
     def begin(operation_id: str) -> Motion:
         motion = axis.move_to(request, on_busy=on_busy, undertaking_id=operation_id)
-        starter.meant.sent(axis, aim)
+        meant.sent(axis, aim)
         return motion
 
     return await starter.start(MotionKind.MOVE, axis, asked, begin)
@@ -91,7 +86,7 @@ async def move_axis(
 
 @router.post("/velocity", summary="Run at a speed", status_code=202, responses=PREVIEWED)
 async def run_axis(
-    body: VelocityBody, axis: AxisDep, starter: StarterDep, dry_run: DryRun = False
+    body: VelocityBody, axis: AxisDep, starter: StarterDep, response: Response, dry_run: DryRun = False
 ) -> OperationReply | PreviewReply:
     """Run at a speed until something else is commanded, or to at most one of three ends. 0 ramps down.
 
@@ -117,7 +112,8 @@ async def run_axis(
         asked["travel_steps"] = request.travel
     on_busy = OnBusy(body.on_busy)
     if dry_run:
-        return starter.preview(MotionKind.VELOCITY, axis, asked, request, on_busy)
+        response.status_code = 200
+        return views.preview(MotionKind.VELOCITY.value, axis, axis.preview(request, on_busy), asked)
     return await starter.start(
         MotionKind.VELOCITY,
         axis,
@@ -127,7 +123,9 @@ async def run_axis(
 
 
 @router.post("/set-position", summary="Say where the axis stands", status_code=202)
-async def set_position(body: SetPositionBody, axis: AxisDep, starter: StarterDep) -> OperationReply:
+async def set_position(
+    body: SetPositionBody, axis: AxisDep, meant: MeantDep, starter: StarterDep
+) -> OperationReply:
     """Give the place where the axis stands a position (homing method 35). Nothing moves; it needs no power.
 
     The axis counts as homed afterwards. Travel limits and home offset keep their numbers.
@@ -139,7 +137,7 @@ async def set_position(body: SetPositionBody, axis: AxisDep, starter: StarterDep
 
     def begin(operation_id: str) -> Motion:
         motion = axis.set_position(request, undertaking_id=operation_id)
-        starter.meant.sent(axis, aim)
+        meant.sent(axis, aim)
         return motion
 
     return await starter.start(MotionKind.SET_POSITION, axis, asked, begin)
@@ -147,7 +145,7 @@ async def set_position(body: SetPositionBody, axis: AxisDep, starter: StarterDep
 
 @router.post("/home", summary="Seek the reference", status_code=202, responses=PREVIEWED)
 async def home_axis(
-    body: HomeBody, axis: AxisDep, starter: StarterDep, dry_run: DryRun = False
+    body: HomeBody, axis: AxisDep, starter: StarterDep, response: Response, dry_run: DryRun = False
 ) -> OperationReply | PreviewReply:
     """Seek the reference with a homing method of the module."""
     rates = (body.fast, body.slow, body.acceleration)
@@ -164,7 +162,8 @@ async def home_axis(
     asked = body.model_dump(exclude_none=True)
     on_busy = OnBusy(body.on_busy)
     if dry_run:
-        return starter.preview(MotionKind.HOME, axis, asked, request, on_busy)
+        response.status_code = 200
+        return views.preview(MotionKind.HOME.value, axis, axis.preview(request, on_busy), asked)
     return await starter.start(
         MotionKind.HOME,
         axis,

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated
 
 from fastapi import Depends, Path
 
-from app.http.deps import NodeDep, ServiceDep, command_headers, parse_index
+from app.axes.deps import NodeDep
 from app.http.documentation import KEYS, LEASES, NODE, TRANSFER, UNSAFE, problems
 from app.http.paths import API
 from app.http.problems import ApiError
 from app.http.routing import Router
+from app.http.tasks import TasksDep
+from app.idempotency.deps import command_headers
+from app.objects.deps import ObjectsDep
 from app.objects.schemas import MeaningReply, ObjectBody, ObjectReply
 from drivers.master import ObjectSpec
 from drivers.master.node.node import Node
@@ -51,12 +55,12 @@ async def read_object(node: NodeDep, index: IndexPath, sub: SubPath) -> ObjectRe
     ),
 )
 async def write_object(
-    body: ObjectBody, service: ServiceDep, node: NodeDep, index: IndexPath, sub: SubPath
+    body: ObjectBody, objects: ObjectsDep, tasks: TasksDep, node: NodeDep, index: IndexPath, sub: SubPath
 ) -> ObjectReply:
     """Write an object past the axis, and read it back. Off unless the settings allow it."""
-    if not service.settings.objects.writable:
+    if not objects.writable:
         raise ApiError("objects_read_only", "The settings don't allow writing objects.")
-    return await service.command(_write(node, node.spec(parse_index(index), sub), body))
+    return await tasks.command(_write(node, node.spec(parse_index(index), sub), body))
 
 
 async def _write(node: Node, spec: ObjectSpec, body: ObjectBody) -> ObjectReply:
@@ -89,3 +93,12 @@ def _meanings(node: Node, spec: ObjectSpec, value: float | str | bool) -> list[M
     code = node.profile.explain_code(spec.address, value)
     rows = (*node.profile.explain_bits(spec.address, value), *(() if code is None else (code,)))
     return [MeaningReply(name=r.name, title=r.title, cause=r.cause, remedy=r.remedy) for r in rows]
+
+
+def parse_index(text: str) -> int:
+    """An object index in hexadecimal. Raises `ApiError` (422)."""
+    if re.fullmatch(r"0[xX][0-9A-Fa-f]{1,4}", text) is None:
+        raise ApiError(
+            "bad_value", "The object index is written in hexadecimal with 0x.", hint="For example 0x6064."
+        )
+    return int(text, 16)

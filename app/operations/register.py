@@ -1,4 +1,4 @@
-"""Operations: the master's undertakings, with ids and links, written down before anything is sent.
+"""All operations: written down before anything is sent, found by their ids.
 
 What runs, and the `KEPT` that ended last, is held here; the store has the rest, and all of it after a
 restart. While the store is off, operations go on and are shown from here alone.
@@ -14,132 +14,24 @@ from datetime import UTC, datetime
 from typing import Any
 
 from app.access.schemas import Asker
-from app.axes.units import Scale
-from app.axes.views import axis_path, peak
-from app.coordinated import views
 from app.http import problems
-from app.http.paths import operation_path
 from app.http.problems import ApiError
 from app.http.schemas import Problem
 from app.idempotency.keys import Claim
 from app.operations import evidence
 from app.operations import table as records
-from app.operations.schemas import OperationAxis, OperationLinks, OperationReply, OperationState
+from app.operations.operation import NOBODY, PLAIN, Operation, Results, asked_for
+from app.operations.schemas import OperationReply, OperationState
 from app.store.database import Database, StoreOff
 from drivers.master.axis.axis import Axis
 from drivers.master.ground.where import AxisId
 from drivers.master.motions.motion import MotionKind, Undertaking
 from drivers.master.node.node import Node
-from drivers.master.together.coordinated_move import GroupMotion
 
 KEPT = 1000
 """How many ended operations are held in memory."""
 PRUNE_EACH = 500
 """Operations after which the store forgets what is too old or too much."""
-
-NOBODY = Asker(name="anonymous", address="")
-
-
-class Operation:
-    """One undertaking, and what the client asked for in its own words."""
-
-    def __init__(
-        self,
-        motion: Undertaking,
-        axes: Sequence[Axis],
-        request: Mapping[str, Any],
-        asked_by: Asker = NOBODY,
-        key: str | None = None,
-    ) -> None:
-        """`axes`: those whose numbers the motion holds, in its order."""
-        self.motion = motion
-        self.axes = axes
-        self.request = request
-        self.asked_by = asked_by
-        self.key = key
-        """The Idempotency-Key that it came with."""
-
-    @property
-    def id(self) -> str:
-        """Unique over all runs of the service."""
-        return self.motion.id
-
-    def reply(self) -> OperationReply:
-        """What the wire shows of it now."""
-        motion = self.motion
-        expected = motion.prediction
-        error = None
-        if motion.error is not None and motion.state.value == OperationState.FAILED:
-            error = Problem.model_validate(problems.of_driver_error(motion.error).body)
-        asked = _asked(
-            self.id, motion.kind, self.axes, motion.node_id, self.request, self.asked_by, motion.created
-        )
-        news = {
-            "state": OperationState(motion.state.value),
-            "progress": motion.progress,
-            "predicted_s": None if expected is None else round(expected.duration_s, 4),
-            "predicted_peak_velocity": peak(self.axes[0], expected) if len(self.axes) == 1 else None,
-            "result": _result(motion, self.axes),
-            "error": error,
-            "reason": motion.error.message if motion.error is not None else None,
-            "evidence": evidence.reply(motion.evidence, self.axes),
-            "started": motion.started,
-            "ended": motion.ended,
-        }
-        return asked.model_copy(update=news)
-
-
-def _asked(
-    operation_id: str,
-    kind: MotionKind,
-    axes: Sequence[Axis],
-    node_id: int | None,
-    request: Mapping[str, Any],
-    asked_by: Asker,
-    created: datetime,
-) -> OperationReply:
-    """An operation that was just asked for, before anything was sent."""
-    only = axes[0] if len(axes) == 1 else None
-    path = operation_path(operation_id)
-    return OperationReply(
-        id=operation_id,
-        kind=kind.value,
-        node=node_id,
-        axis=None if only is None else only.number,
-        axes=[OperationAxis(node=a.node.node_id, axis=a.number, name=a.name) for a in axes],
-        state=OperationState.QUEUED,
-        progress=None,
-        request=dict(request),
-        result=None,
-        error=None,
-        reason=None,
-        asked_by=asked_by,
-        evidence=evidence.nothing(),
-        created=created,
-        started=None,
-        ended=None,
-        links=OperationLinks(
-            self=path, cancel=f"{path}/cancel", axis=None if only is None else axis_path(only)
-        ),
-    )
-
-
-def _result(motion: Undertaking, axes: Sequence[Axis]) -> dict[str, Any] | None:
-    """The result, with units beside the numbers where it is one axis's."""
-    if motion.result is None:
-        return None
-    if isinstance(motion, GroupMotion):
-        return views.result(motion)
-    if len(axes) != 1:
-        return dict(motion.result)
-    scale = Scale.of(axes[0].config)
-    suffixes = {"position": "", "travelled": "", "target": "", "velocity": "/s"}
-    return {
-        key: scale.quantity(value, suffixes[key]).model_dump()
-        if key in suffixes and isinstance(value, int)
-        else value
-        for key, value in motion.result.items()
-    }
 
 
 class OperationRegister:
@@ -150,6 +42,7 @@ class OperationRegister:
         store: Database,
         axis: Callable[[AxisId], Axis],
         *,
+        results: Results = PLAIN,
         kept: int = KEPT,
         keep_days: float = 90,
         keep_number: int = 100_000,
@@ -160,6 +53,7 @@ class OperationRegister:
         """
         self._store = store
         self._axis = axis
+        self._results = results
         self._kept = kept
         self._keep_days = keep_days
         self._keep_number = keep_number
@@ -191,7 +85,7 @@ class OperationRegister:
         """
         operation_id = uuid.uuid4().hex
         where = axes[0].node.node_id if len(axes) == 1 else None if node is None else node.node_id
-        asked = _asked(operation_id, kind, axes, where, request, asked_by, datetime.now(UTC))
+        asked = asked_for(operation_id, kind, axes, where, request, asked_by, datetime.now(UTC))
         key = None if claim is None else claim.key
         spent = () if claim is None else claim.spend()
         try:
@@ -211,7 +105,7 @@ class OperationRegister:
         key: str | None = None,
     ) -> Operation:
         """Remember what was just begun, and forget the oldest that ended."""
-        operation = Operation(motion, self._axes(motion), request, asked_by, key)
+        operation = Operation(motion, self._axes(motion), request, asked_by, key, self._results)
         self._by_id[operation.id] = operation
         self.started[motion.kind] += 1
         motion.watch(lambda _: self._write(operation))
@@ -245,7 +139,9 @@ class OperationRegister:
     def reply_for(self, motion: Undertaking) -> OperationReply:
         """What the wire shows of an undertaking, whoever began it."""
         known = self._by_id.get(motion.id)
-        return (Operation(motion, self._axes(motion), {}) if known is None else known).reply()
+        if known is None:
+            known = Operation(motion, self._axes(motion), {}, results=self._results)
+        return known.reply()
 
     def _axes(self, motion: Undertaking) -> tuple[Axis, ...]:
         return tuple(self._axis(each) for each in motion.axes)

@@ -6,10 +6,14 @@ from typing import Annotated
 
 from fastapi import Depends, Path, Query
 
-from app.http.deps import ServiceDep, WaitDep, command_headers, empty_body
 from app.http.documentation import AXIS_COMMAND, problems
+from app.http.parameters import empty_body
 from app.http.paths import API
 from app.http.routing import Router
+from app.http.tasks import TasksDep
+from app.http.waiting import WaitDep
+from app.idempotency.deps import command_headers
+from app.operations.deps import OperationsDep
 from app.operations.schemas import OperationList, OperationReply, OperationState
 
 router = Router(f"{API}/operations", tags=["operations"])
@@ -21,7 +25,7 @@ OperationId = Annotated[str, Path(max_length=64, examples=["6f1c2a7b9d3e4f50"])]
     "", summary="Operations, the newest first", responses=problems("unknown_operation", "history_off")
 )
 async def list_operations(
-    service: ServiceDep,
+    operations: OperationsDep,
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
     state: Annotated[OperationState | None, Query(description="Only those in this state.")] = None,
     before: Annotated[
@@ -29,16 +33,16 @@ async def list_operations(
     ] = None,
 ) -> OperationList:
     """What was commanded, and how it ended, over restarts of the service. The oldest are forgotten."""
-    return OperationList(operations=await service.operations.newest(limit, state=state, before=before))
+    return OperationList(operations=await operations.newest(limit, state=state, before=before))
 
 
 @router.get("/{id}", summary="One operation", responses=problems("unknown_operation", "history_off"))
-async def get_operation(id: OperationId, service: ServiceDep, wait: WaitDep) -> OperationReply:  # noqa: A002
+async def get_operation(id: OperationId, operations: OperationsDep, wait: WaitDep) -> OperationReply:  # noqa: A002
     """How far it is. With `wait` the answer comes when it ended, at the latest after that time."""
-    live = service.operations.live(id)
+    live = operations.live(id)
     if live is not None:
         await wait.until_end(live.motion)
-    return await service.operations.get(id)
+    return await operations.get(id)
 
 
 @router.post(
@@ -47,9 +51,9 @@ async def get_operation(id: OperationId, service: ServiceDep, wait: WaitDep) -> 
     dependencies=[Depends(command_headers), Depends(empty_body)],
     responses=problems("unknown_operation", "history_off", *AXIS_COMMAND),
 )
-async def cancel_operation(id: OperationId, service: ServiceDep) -> OperationReply:  # noqa: A002
+async def cancel_operation(id: OperationId, operations: OperationsDep, tasks: TasksDep) -> OperationReply:  # noqa: A002
     """Controlled stop of what it moves; answers at standstill. Does nothing if it ended already."""
-    live = service.operations.live(id)
+    live = operations.live(id)
     if live is not None:
-        await service.unconditional(live.motion.cancel())
-    return await service.operations.get(id)
+        await tasks.unconditional(live.motion.cancel())
+    return await operations.get(id)

@@ -5,26 +5,38 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any
 
-from fastapi import Depends, Response
+from fastapi import Depends, Request, Response
 
-from app.axes import views
-from app.http.deps import AskerDep, CommandSource, ServiceDep, Wait, WaitDep
 from app.http.paths import operation_path
-from app.moves.previews import PreviewReply
+from app.http.tasks import TASKS, Tasks
+from app.http.waiting import Wait, WaitDep
+from app.idempotency.deps import AskerDep, CommandSource
+from app.leases.deps import LEASES
+from app.leases.leases import Leases
+from app.operations.deps import OPERATIONS
+from app.operations.register import OperationRegister
 from app.operations.schemas import OperationReply
-from app.service import Service
 from drivers.master.axis.axis import Axis
 from drivers.master.motions.motion import MotionKind, Undertaking
 from drivers.master.node.node import Node
-from drivers.master.plan.requests import OnBusy, Request
 
 
 class Starter:
     """Starts the operation of one request."""
 
-    def __init__(self, service: Service, asker: CommandSource, wait: Wait, response: Response) -> None:
-        self._service = service
-        self.meant = service.meant
+    def __init__(
+        self,
+        operations: OperationRegister,
+        leases: Leases,
+        tasks: Tasks,
+        *,
+        asker: CommandSource,
+        wait: Wait,
+        response: Response,
+    ) -> None:
+        self._operations = operations
+        self._leases = leases
+        self._tasks = tasks
         self._asker = asker
         self._wait = wait
         self._response = response
@@ -42,15 +54,15 @@ class Starter:
         an axis is somebody else's; then nothing was sent, and no operation is left behind.
         """
         taking_part = _axes(axes)
-        check = self._service.leases.check
+        check = self._leases.check
         check(taking_part, self._asker.lease)
 
         def begin_if_still_held(operation_id: str) -> Undertaking:
             check(taking_part, self._asker.lease)  # it may have ended while the record was written
             return begin(operation_id)
 
-        operation = await self._service.command(
-            self._service.operations.start(
+        operation = await self._tasks.command(
+            self._operations.start(
                 kind,
                 taking_part,
                 asked,
@@ -69,15 +81,8 @@ class Starter:
 
     def holds(self, axis: Axis) -> bool:
         """Whether the request is sent under the lease that an axis is in."""
-        lease = self._service.leases.of(axis)
+        lease = self._leases.of(axis)
         return lease is not None and lease.token == self._asker.lease
-
-    def preview(
-        self, kind: MotionKind, axis: Axis, asked: Mapping[str, Any], request: Request, on_busy: OnBusy
-    ) -> PreviewReply:
-        """Say what a command would come to: nothing is sent, written or spent."""
-        self._response.status_code = 200
-        return views.preview(kind.value, axis, axis.preview(request, on_busy), asked)
 
 
 def _axes(axes: Axis | Node | Sequence[Axis]) -> tuple[Axis, ...]:
@@ -86,9 +91,12 @@ def _axes(axes: Axis | Node | Sequence[Axis]) -> tuple[Axis, ...]:
     return (axes,) if isinstance(axes, Axis) else tuple(axes)
 
 
-async def get_starter(service: ServiceDep, asker: AskerDep, wait: WaitDep, response: Response) -> Starter:
+async def get_starter(request: Request, asker: AskerDep, wait: WaitDep, response: Response) -> Starter:
     """A starter for this request. A coroutine, since FastAPI makes anything else in a thread."""
-    return Starter(service, asker, wait, response)
+    scope = request.scope
+    return Starter(
+        OPERATIONS.of(scope), LEASES.of(scope), TASKS.of(scope), asker=asker, wait=wait, response=response
+    )
 
 
 StarterDep = Annotated[Starter, Depends(get_starter)]

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from app.operations.schemas import OperationReply
-from app.store.database import Database, Statement
+from app.store.database import Database
+from app.store.sqlite import Statement
 
 _COLUMNS = "id, created, ended, state, key, document"
 

@@ -10,19 +10,16 @@ from typing import Annotated, Any, cast
 from fastapi import APIRouter, FastAPI, Path, Request
 from fastapi_offline import FastAPIOffline
 from starlette.middleware import Middleware
-from starlette.responses import Response
 
-from app.access.security import DOCS_ASSETS, Policy, SecurityMiddleware
+from app.access.policy import Policy
+from app.access.security import DOCS_ASSETS, SecurityMiddleware
 from app.access.tickets import Tickets
 from app.configuration.configuration import ServerSettings
-from app.http import problems
 from app.http.documentation import operation_id
 from app.http.errors import install_error_handlers
 from app.http.problem_types import ProblemTypeReply, problem_type
 from app.http.problems import MEDIA_TYPE, ApiError
-from app.http.replies import problem_response
 from app.panel.schemas import ModuleList, ModuleReply
-from drivers.errors import CanaxisError
 from drivers.sim.commands import Command
 from drivers.sim.panel import COMMANDS, ModulePanel
 from drivers.sim.station import Station
@@ -62,7 +59,6 @@ def create_panel(station: Station, port: int) -> FastAPI:
         middleware=[Middleware(SecurityMiddleware, policy=policy, tickets=Tickets())],
     )
     install_error_handlers(app)
-    app.add_exception_handler(CanaxisError, _driver_error)
     app.include_router(_routes(station), prefix=API)
     app.get("/problems/{name}", include_in_schema=False)(_problem_type)
     return app
@@ -145,8 +141,3 @@ def _body(command: Command) -> dict[str, Any]:
     return {
         "requestBody": {"required": needed, "content": {"application/json": {"schema": command.schema()}}}
     }
-
-
-async def _driver_error(request: Request, error: Exception) -> Response:
-    assert isinstance(error, CanaxisError)
-    return problem_response(problems.of_driver_error(error), instance=request.url.path)

@@ -10,7 +10,8 @@ from __future__ import annotations
 from app.http.problems import ApiError
 from app.positions import table as records
 from app.positions.table import NamedPosition, Place
-from app.store.database import Database, Statement, StoreOff
+from app.store.database import Database, StoreOff
+from app.store.sqlite import Statement
 from drivers.errors import CanaxisError, NodeAway, NotReady, Obstacle
 from drivers.master.axis.axis import Axis
 from drivers.master.seen.status import NodeState

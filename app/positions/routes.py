@@ -7,12 +7,15 @@ from typing import Annotated
 
 from fastapi import Depends, Path
 
-from app.axes import views
+from app.axes.deps import AxisDep
 from app.axes.units import Scale
-from app.http.deps import AskerDep, AxisDep, ServiceDep, command_headers
 from app.http.documentation import AXIS, KEYS, LEASES, UNSAFE, problems
 from app.http.paths import API
 from app.http.routing import Router
+from app.http.tasks import TasksDep
+from app.idempotency.deps import AskerDep, command_headers
+from app.positions import views
+from app.positions.deps import PositionsDep
 from app.positions.positions import present
 from app.positions.schemas import NAME, NamedPositionList, NamedPositionReply, TeachBody
 from app.positions.table import NamedPosition
@@ -26,18 +29,18 @@ CHANGE = (*AXIS, *UNSAFE, *KEYS, *LEASES, "store_off")
 
 
 @router.get("", summary="Named positions", responses=problems(*AXIS, "store_off"))
-async def list_positions(axis: AxisDep, service: ServiceDep) -> NamedPositionList:
+async def list_positions(axis: AxisDep, positions: PositionsDep) -> NamedPositionList:
     """Every position of the axis that was given a name."""
-    found = await service.positions.all_of(axis)
+    found = await positions.all_of(axis)
     return NamedPositionList(positions=[views.named_position(axis, position) for position in found])
 
 
 @router.get(
     "/{name}", summary="One named position", responses=problems(*AXIS, "unknown_position", "store_off")
 )
-async def get_position(axis: AxisDep, name: NameRef, service: ServiceDep) -> NamedPositionReply:
+async def get_position(axis: AxisDep, name: NameRef, positions: PositionsDep) -> NamedPositionReply:
     """Where it is."""
-    return views.named_position(axis, await service.positions.find(axis, name))
+    return views.named_position(axis, await positions.find(axis, name))
 
 
 @router.put(
@@ -47,7 +50,7 @@ async def get_position(axis: AxisDep, name: NameRef, service: ServiceDep) -> Nam
     responses=problems(*CHANGE, "not_ready", "bad_value", "node_away"),
 )
 async def teach_position(
-    body: TeachBody, axis: AxisDep, name: NameRef, service: ServiceDep, asker: AskerDep
+    body: TeachBody, axis: AxisDep, name: NameRef, positions: PositionsDep, tasks: TasksDep, asker: AskerDep
 ) -> NamedPositionReply:
     """Give a position a name, or a name another position: where the axis stands, or one that is told.
 
@@ -63,7 +66,7 @@ async def teach_position(
     position = NamedPosition(
         name, steps, scale.unit, not body.unreferenced, datetime.now(UTC), asker.reply.name
     )
-    await service.command(service.positions.teach(axis, position))
+    await tasks.command(positions.teach(axis, position))
     return views.named_position(axis, position)
 
 
@@ -73,6 +76,8 @@ async def teach_position(
     dependencies=[Depends(command_headers)],
     responses=problems(*CHANGE, "unknown_position"),
 )
-async def forget_position(axis: AxisDep, name: NameRef, service: ServiceDep) -> NamedPositionReply:
+async def forget_position(
+    axis: AxisDep, name: NameRef, positions: PositionsDep, tasks: TasksDep
+) -> NamedPositionReply:
     """Forget it; answers with what it was."""
-    return views.named_position(axis, await service.command(service.positions.forget(axis, name)))
+    return views.named_position(axis, await tasks.command(positions.forget(axis, name)))

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from app.store.database import Database, Statement
+from app.store.database import Database
+from app.store.sqlite import Statement
 
 _COLUMNS = "node, axis, name, steps, unit, needs_reference, taught, taught_by"
 

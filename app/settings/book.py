@@ -18,8 +18,9 @@ import structlog
 from pydantic import ValidationError
 
 from app.access.schemas import Asker
-from app.configuration.axes import AxisSettings, SettingsError
+from app.configuration.axes import AxisSettings
 from app.configuration.configuration import Settings
+from app.configuration.sections import SettingsError
 from app.http import validation
 from app.http.problems import ApiError
 from app.settings import table as records

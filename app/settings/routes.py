@@ -6,13 +6,17 @@ from typing import Annotated
 
 from fastapi import Body, Depends, Header, Query, Request, Response
 
-from app.http.deps import AskerDep, AxisDep, NodeDep, ServiceDep, command_headers, every_axis
+from app.axes.deps import AxisDep, NodeDep, every_axis
 from app.http.documentation import AXIS, NODE, NODE_COMMAND, SETTINGS_CHANGE, problems
+from app.http.finding import NetworkDep
 from app.http.paths import API
 from app.http.problems import ApiError
 from app.http.routing import Router
-from app.settings import views as views
+from app.http.tasks import TasksDep
+from app.idempotency.deps import AskerDep, command_headers
+from app.settings import views
 from app.settings.book import MOST_REVISIONS
+from app.settings.deps import BookDep
 from app.settings.schemas import (
     AppliedReply,
     AxisSettingsPatch,
@@ -48,10 +52,10 @@ IfMatch = Annotated[
 @axis_settings.get(
     "", summary="What an axis is set to", responses={200: {"headers": _ETAG}, **problems(*AXIS)}
 )
-async def get_axis_settings(axis: AxisDep, service: ServiceDep, response: Response) -> AxisSettingsReply:
+async def get_axis_settings(axis: AxisDep, book: BookDep, response: Response) -> AxisSettingsReply:
     """Every setting with its unit, where it comes from, and which object holds it. Costs the bus nothing."""
-    response.headers["ETag"] = service.book.etag(axis)
-    return views.axis_settings(service.book, axis)
+    response.headers["ETag"] = book.etag(axis)
+    return views.axis_settings(book, axis)
 
 
 @axis_settings.patch(
@@ -66,7 +70,8 @@ async def get_axis_settings(axis: AxisDep, service: ServiceDep, response: Respon
 async def patch_axis_settings(
     body: AxisSettingsPatch,
     axis: AxisDep,
-    service: ServiceDep,
+    book: BookDep,
+    tasks: TasksDep,
     asker: AskerDep,
     response: Response,
     if_match: IfMatch = None,
@@ -82,15 +87,15 @@ async def patch_axis_settings(
 
     def check() -> None:
         tags = {tag.strip() for tag in if_match.split(",")}
-        if "*" not in tags and service.book.etag(axis) not in tags:
+        if "*" not in tags and book.etag(axis) not in tags:
             raise ApiError(
                 "precondition_failed", f"The settings of axis {axis.name} are not those of If-Match."
             )
 
     given = body.model_dump(mode="json", exclude_unset=True)
-    written = await service.command(service.book.patch(axis, given, asker.reply, check))
-    response.headers["ETag"] = service.book.etag(axis)
-    return views.axis_settings(service.book, axis, written)
+    written = await tasks.command(book.patch(axis, given, asker.reply, check))
+    response.headers["ETag"] = book.etag(axis)
+    return views.axis_settings(book, axis, written)
 
 
 @router.get(
@@ -102,9 +107,9 @@ async def patch_axis_settings(
         **problems(),
     },
 )
-async def export_settings(request: Request, service: ServiceDep) -> Response:
+async def export_settings(request: Request, book: BookDep) -> Response:
     """What `canaxis.yaml` would say under `nodes` for the settings of now: to edit, compare and apply."""
-    document = views.document(service.book)
+    document = views.document(book)
     if "yaml" in request.headers.get("accept", ""):
         import yaml  # here: a service that is not asked for YAML starts without it
 
@@ -121,14 +126,14 @@ async def export_settings(request: Request, service: ServiceDep) -> Response:
     ),
 )
 async def diff_settings(
-    service: ServiceDep, body: Annotated[SettingsFile | None, Body()] = None
+    network: NetworkDep, book: BookDep, body: Annotated[SettingsFile | None, Body()] = None
 ) -> DiffReply:
     """What applying a document would change, setting by setting and object by object, read from the modules.
 
     Without a body: the settings that are gone by against what the modules hold. Reads only. What a command
     gave last (6081h, 6083h, 6084h, 6098h) differs until the next command without it.
     """
-    return await views.compare(service.book, views.wanted(service, body))
+    return await views.compare(book, views.wanted(network, book, body))
 
 
 @router.post(
@@ -137,18 +142,20 @@ async def diff_settings(
     dependencies=[Depends(command_headers), Depends(every_axis)],
     responses=problems(*AXIS, *SETTINGS_CHANGE),
 )
-async def apply_settings(body: SettingsFile, service: ServiceDep, asker: AskerDep) -> AppliedReply:
+async def apply_settings(
+    body: SettingsFile, network: NetworkDep, book: BookDep, tasks: TasksDep, asker: AskerDep
+) -> AppliedReply:
     """All or nothing over the axes that it names: written, read back, kept; else all is as it was."""
-    written = await service.command(service.book.apply(views.wanted(service, body), asker.reply))
-    return views.applied(service.book, written)
+    written = await tasks.command(book.apply(views.wanted(network, book, body), asker.reply))
+    return views.applied(book, written)
 
 
 @router.get("/revisions", summary="Changes of settings", responses=problems("history_off"))
 async def list_revisions(
-    service: ServiceDep, limit: Annotated[int, Query(ge=1, le=MOST_REVISIONS)] = 50
+    book: BookDep, limit: Annotated[int, Query(ge=1, le=MOST_REVISIONS)] = 50
 ) -> RevisionList:
     """Who changed what and when, the newest first."""
-    return views.revisions(service.book, await service.book.revisions(limit))
+    return views.revisions(book, await book.revisions(limit))
 
 
 @router.post(
@@ -157,18 +164,20 @@ async def list_revisions(
     dependencies=[Depends(command_headers), Depends(every_axis)],
     responses=problems(*SETTINGS_CHANGE, "unknown_revision"),
 )
-async def roll_back_settings(body: RollbackBody, service: ServiceDep, asker: AskerDep) -> AppliedReply:
+async def roll_back_settings(
+    body: RollbackBody, book: BookDep, tasks: TasksDep, asker: AskerDep
+) -> AppliedReply:
     """Go by what a revision said, as a new revision; 0 is the settings file alone."""
-    written = await service.command(service.book.roll_back(body.revision, asker.reply))
-    return views.applied(service.book, written)
+    written = await tasks.command(book.roll_back(body.revision, asker.reply))
+    return views.applied(book, written)
 
 
 @memory.post("/store", summary="Keep parameters in the module")
-async def store_in_module(body: StoreBody, node: NodeDep, service: ServiceDep) -> StoreReply:
+async def store_in_module(body: StoreBody, node: NodeDep, tasks: TasksDep) -> StoreReply:
     """Have the module start with what it holds now (1010h). Every axis of the node must be disabled."""
     axis = None if body.axis is None else node.axis(body.axis)
     number = None if axis is None else axis.number
-    await service.command(storing.store(node, StoredGroup(body.what), number))
+    await tasks.command(storing.store(node, StoredGroup(body.what), number))
     return StoreReply(
         node=node.node_id,
         what=body.what,
@@ -178,11 +187,11 @@ async def store_in_module(body: StoreBody, node: NodeDep, service: ServiceDep) -
 
 
 @memory.post("/restore-defaults", summary="Give a module its defaults back")
-async def restore_module_defaults(body: StoreBody, node: NodeDep, service: ServiceDep) -> StoreReply:
+async def restore_module_defaults(body: StoreBody, node: NodeDep, tasks: TasksDep) -> StoreReply:
     """Have the module start with its maker's defaults (1011h). Every axis of the node must be disabled."""
     axis = None if body.axis is None else node.axis(body.axis)
     number = None if axis is None else axis.number
-    await service.command(storing.restore_defaults(node, StoredGroup(body.what), number))
+    await tasks.command(storing.restore_defaults(node, StoredGroup(body.what), number))
     return StoreReply(
         node=node.node_id,
         what=body.what,

@@ -8,8 +8,10 @@ from typing import Literal, Self, cast
 from pydantic import Field, model_validator
 
 from app.axes.schemas import ChangeReply
-from app.configuration.axes import DIMENSIONS, AxisValues, Measure, Section
+from app.configuration.axes import AxisValues
 from app.configuration.configuration import NodeSettings
+from app.configuration.measures import DIMENSIONS, Measure
+from app.configuration.sections import Section
 from app.http import examples
 from app.http.schemas import Reply, Request
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
-from app.store.database import Database, Row, Statement
+from app.store.database import Database
+from app.store.sqlite import Row, Statement
 
 Overlay = Mapping[str, Any]
 """One axis's settings that go over the settings file's; None: back to the default."""

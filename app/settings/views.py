@@ -5,20 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from starlette.responses import Response
 
 from app.axes.views import change
-from app.configuration.axes import (
-    DIMENSIONS,
-    AxisSettings,
-    AxisValues,
-    SettingsError,
-    unit_of,
-    units_of,
-    write_gear,
-)
+from app.configuration.axes import AxisSettings, AxisValues
+from app.configuration.measures import DIMENSIONS, unit_of, units_of, write_gear
+from app.configuration.sections import SettingsError
 from app.http.problems import ApiError
 from app.settings.book import SettingsBook
 from app.settings.schemas import (
@@ -37,14 +31,12 @@ from app.settings.schemas import (
 from app.settings.table import Revision
 from drivers.errors import CanaxisError, SdoAborted
 from drivers.master.axis.axis import Axis
+from drivers.master.network import Network
 from drivers.master.plan.axis_parameters import check_ranges
 from drivers.master.plan.axis_parameters import wanted as wanted_objects
 from drivers.master.plan.configuration import AxisConfig
 from drivers.master.plan.gearing import shown
 from drivers.master.seen.boot_log import Change
-
-if TYPE_CHECKING:
-    from app.service import Service
 
 
 def axis_settings(book: SettingsBook, axis: Axis, written: Sequence[Change] = ()) -> AxisSettingsReply:
@@ -134,16 +126,16 @@ def json_reply(value: object) -> Response:
     return Response(json.dumps(value, ensure_ascii=False), media_type="application/json")
 
 
-def wanted(service: Service, given: SettingsFile | None) -> Mapping[Axis, AxisSettings]:
+def wanted(network: Network, book: SettingsBook, given: SettingsFile | None) -> Mapping[Axis, AxisSettings]:
     """The axes that a document names; without one, all with what they are set to.
 
     Raises `UnknownNode`, `UnknownAxis`, and `ApiError` (422) for what the module of that name is not.
     """
     if given is None:
-        return {axis: service.book.settings(axis) for axis in service.book.axes}
+        return {axis: book.settings(axis) for axis in book.axes}
     found: dict[Axis, AxisSettings] = {}
     for entry in given.nodes:
-        node = service.network.node(entry.id)
+        node = network.node(entry.id)
         if (entry.name, entry.model) != (node.name, node.config.model):
             raise ApiError(
                 "bad_value",

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from app.store.database import Database, Statement
+from app.store.database import Database
+from app.store.sqlite import Statement
 
 
 def written(name: str, value: int) -> Statement:

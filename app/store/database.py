@@ -13,15 +13,14 @@ import contextlib
 import os
 import sqlite3
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, TypeAlias
 
-import aiosqlite
 import structlog
 
 from app.store.schema import MIGRATIONS
+from app.store.sqlite import Connection, InFile, InMemory, Row, Statement, Value
 
 PATIENCE = 2.0
 """Seconds that a command waits for its record to be durable; then it goes on without."""
@@ -31,18 +30,7 @@ CAPACITY = 20_000
 """Jobs that may wait for the disk; more are dropped, and counted."""
 BATCH = 256
 """Jobs in one transaction."""
-
-Value: TypeAlias = str | int | float | bytes | None
-Row: TypeAlias = tuple[Any, ...]
-
 log: structlog.stdlib.BoundLogger = structlog.get_logger("canaxis.store")
-
-
-class Statement(NamedTuple):
-    """One SQL statement and its values."""
-
-    sql: str
-    values: Sequence[Value] = ()
 
 
 class StoreOff(Exception):
@@ -56,16 +44,6 @@ class Health:
     on: bool
     reason: str = ""
     """Why not, as a sentence."""
-
-
-class _Connection(Protocol):
-    """What both connections can do."""
-
-    async def run(self, statements: Sequence[Statement]) -> None: ...
-
-    async def rows(self, statement: Statement) -> list[Row]: ...
-
-    async def close(self) -> None: ...
 
 
 @dataclass(slots=True)
@@ -90,7 +68,7 @@ class Database:
         """Called when the store works again after it didn't: write anew what must not be missing."""
         self._retry = retry
         self._patience = patience
-        self._connection: _Connection | None = None
+        self._connection: Connection | None = None
         self._jobs: deque[_Job] = deque()
         self._wake = asyncio.Event()
         self._worker: asyncio.Task[None] | None = None
@@ -253,12 +231,12 @@ class Database:
             log.error("history is off", reason=reason)
         self.health = Health(False, reason)
 
-    async def _connect(self) -> _Connection:
+    async def _connect(self) -> Connection:
         if self.path is None:
-            return _InMemory()
+            return InMemory()
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self._take_lock(self.path)
-        return await _InFile.open(self.path)
+        return await InFile.open(self.path)
 
     def _take_lock(self, path: Path) -> None:
         """One service per file: a second one would end the first one's operations. Raises `OSError`."""
@@ -298,63 +276,3 @@ def _refuse(job: _Job, reason: str) -> None:
         job.done.set_result(False)
     if job.question is not None and not job.question.done():
         job.question.set_exception(StoreOff(reason))
-
-
-class _InFile:
-    """A file, worked on in aiosqlite's thread."""
-
-    def __init__(self, connection: aiosqlite.Connection) -> None:
-        self._connection = connection
-
-    @classmethod
-    async def open(cls, path: Path) -> _InFile:
-        connection = await aiosqlite.connect(path, isolation_level=None, timeout=1.0)
-        try:
-            await connection.execute("PRAGMA journal_mode = WAL")
-            # A killed process loses nothing; after a power cut the last second may be missing, never torn.
-            await connection.execute("PRAGMA synchronous = NORMAL")
-        except BaseException:
-            await connection.close()
-            raise
-        return cls(connection)
-
-    async def run(self, statements: Sequence[Statement]) -> None:
-        await self._connection.execute("BEGIN IMMEDIATE")
-        try:
-            # Handed over together, carried out in order: the thread is asked once, not for each of them.
-            await asyncio.gather(*(self._connection.execute(*statement) for statement in statements))
-            await self._connection.execute("COMMIT")
-        except BaseException:
-            with contextlib.suppress(sqlite3.Error):
-                await self._connection.execute("ROLLBACK")
-            raise
-
-    async def rows(self, statement: Statement) -> list[Row]:
-        return [tuple(row) for row in await self._connection.execute_fetchall(*statement)]
-
-    async def close(self) -> None:
-        await self._connection.close()
-
-
-class _InMemory:
-    """No file and no thread: it never waits for anything."""
-
-    def __init__(self) -> None:
-        self._connection = sqlite3.connect(":memory:", isolation_level=None)
-
-    async def run(self, statements: Sequence[Statement]) -> None:
-        self._connection.execute("BEGIN")
-        try:
-            for sql, values in statements:
-                self._connection.execute(sql, values)
-            self._connection.execute("COMMIT")
-        except BaseException:
-            with contextlib.suppress(sqlite3.Error):
-                self._connection.execute("ROLLBACK")
-            raise
-
-    async def rows(self, statement: Statement) -> list[Row]:
-        return self._connection.execute(*statement).fetchall()
-
-    async def close(self) -> None:
-        self._connection.close()

@@ -10,21 +10,24 @@ from fastapi import Query, Request
 from starlette.responses import Response
 
 from app.axes.units import Scale
-from app.http.deps import DryRun, ServiceDep, find_axis
-from app.http.documentation import MOVING, Responses, operation_links, problems
+from app.http.documentation import MOVING, Responses, problems
+from app.http.finding import NetworkDep, find_axis
+from app.http.parameters import DryRun
 from app.http.paths import API
 from app.http.problems import ApiError
-from app.http.replies import location_header, preference_header
 from app.http.routing import Router
+from app.http.tasks import TasksDep
 from app.http.uploads import Upload
+from app.operations.answers import location_header, operation_links, preference_header
 from app.operations.schemas import OperationReply
 from app.operations.starting import StarterDep
-from app.service import Service
+from app.trajectories.deps import TrajectoriesDep
 from app.trajectories.reading import Column, read_points
 from app.trajectories.schemas import BODY, AxisForecast, TrajectoryForecast
 from drivers.errors import NotReady, Obstacle, UnknownAxis, UnknownNode
 from drivers.master.axis.axis import Axis
 from drivers.master.motions.motion import MotionKind
+from drivers.master.network import Network
 from drivers.master.plan.configuration import AxisConfig
 from drivers.master.together.trajectory import Trajectory, TrajectoryRequest, begin_trajectory, check_period
 from drivers.master.together.trajectory_check import Survey, survey
@@ -63,7 +66,9 @@ router = Router(f"{API}/trajectories", tags=["moves"], responses=ANSWERS)
 )
 async def start_trajectory(
     request: Request,
-    service: ServiceDep,
+    network: NetworkDep,
+    tasks: TasksDep,
+    settings: TrajectoriesDep,
     starter: StarterDep,
     cycle_ms: Annotated[
         int | None,
@@ -80,10 +85,9 @@ async def start_trajectory(
     acceleration and travel of each axis: refused, it says where it fails first, and nothing is sent. Whatever
     ends it for one axis brings all to rest on the path.
     """
-    service.check_open()
+    tasks.check_open()
     upload: Upload = request.state.upload
-    folder = service.settings.trajectories.folder
-    reading = await asyncio.to_thread(read_points, upload, folder)
+    reading = await asyncio.to_thread(read_points, upload, settings.folder)
     points = reading.points
     begun = False
 
@@ -97,7 +101,7 @@ async def start_trajectory(
     try:
         period_ms = _agreed(reading.cycle_ms, cycle_ms)
         check_period(period_ms)
-        axes = _resolve(service, reading.columns, points)
+        axes = _resolve(network, reading.columns, points)
         configs = [axis.config for axis in axes]
         found = await _surveyed(points, period_ms, axes)
         if dry_run:
@@ -147,9 +151,9 @@ def _agreed(in_body: int | None, in_query: int | None) -> int:
     return CYCLE_MS if given is None else given
 
 
-def _resolve(service: Service, columns: list[Column], points: PointFile) -> tuple[Axis, ...]:
+def _resolve(network: Network, columns: list[Column], points: PointFile) -> tuple[Axis, ...]:
     """The axes, and the points in their units."""
-    axes = tuple(_axis(service, column) for column in columns)
+    axes = tuple(_axis(network, column) for column in columns)
     points.scales = tuple(
         float(Scale.named(column.unit, axis.config).ratio) for column, axis in zip(columns, axes, strict=True)
     )
@@ -158,14 +162,14 @@ def _resolve(service: Service, columns: list[Column], points: PointFile) -> tupl
     return axes
 
 
-def _axis(service: Service, column: Column) -> Axis:
+def _axis(network: Network, column: Column) -> Axis:
     """The axis of a column. Names may have dots in them: the first way to part them that fits counts."""
     if column.node is not None:
-        return find_axis(service, column.node, column.axis)
+        return find_axis(network, column.node, column.axis)
     parts = column.axis.split(".")
     for at in range(len(parts) - 1, 0, -1):
         try:
-            return find_axis(service, ".".join(parts[:at]), ".".join(parts[at:]))
+            return find_axis(network, ".".join(parts[:at]), ".".join(parts[at:]))
         except (UnknownNode, UnknownAxis):
             continue
     raise UnknownAxis(

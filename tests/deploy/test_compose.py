@@ -18,7 +18,8 @@ from repository import ROOT
 from typer.testing import CliRunner
 
 from app.cli import command_line
-from app.configuration.configuration import Settings, load_settings
+from app.configuration.configuration import Settings
+from app.configuration.loading import load_settings
 
 TOKEN = "0f1e2d3c4b5a69788796a5b4c3d2e1f0"
 

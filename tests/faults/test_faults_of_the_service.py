@@ -141,9 +141,9 @@ async def test_a_service_that_is_started_while_axes_move_adopts_them() -> None:
         app = create_app(bench.settings, bus)
         async with app.router.lifespan_context(app) as state:
             assert state is not None
-            second = state["service"]
-            events_of = second.network.events.subscribe()
-            node = second.network.node(1)
+            second = state["network"]
+            events_of = second.events.subscribe()
+            node = second.node(1)
             while node.status().state != "operational":
                 await asyncio.wait_for(events_of.get(), 10)
             events_of.close()

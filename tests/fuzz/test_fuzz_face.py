@@ -18,11 +18,13 @@ from starlette.requests import Request
 
 from app.axes.schemas import Quantity
 from app.axes.units import Scale
-from app.configuration.configuration import Settings, SettingsError, load_settings
+from app.configuration.configuration import Settings, SettingsError
+from app.configuration.loading import load_settings
 from app.events.streams import encode
-from app.http.deps import LONGEST_WAIT, get_wait, parse_index
 from app.http.problems import ApiError
+from app.http.waiting import LONGEST_WAIT, get_wait
 from app.main import create_app
+from app.objects.routes import parse_index
 from drivers.bus.memory import MemoryWire
 from drivers.master.plan.configuration import AxisConfig
 from drivers.master.plan.gearing import exact

@@ -114,13 +114,14 @@ async def running(
     if not plugged:
         master_port.unplug()
     module = SimulatedNode(SimulatedModule(PROFILE, 1), wire.port("node 1"))
-    app: FastAPI = create_app(settings, master_port)
+    services: list[Service] = []
+    app: FastAPI = create_app(settings, master_port, on_service=services.append)
     async with AsyncExitStack() as stack:
         if powered:
             await stack.enter_async_context(module)
         state = await stack.enter_async_context(app.router.lifespan_context(app))
         assert state is not None
-        service = state["service"]
+        (service,) = services
 
         async def with_state(scope: Scope, receive: Receive, send: Send) -> None:
             await app({**scope, "state": dict(state)}, receive, send)

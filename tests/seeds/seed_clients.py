@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from seed_invariants import HIGHEST_SPEED
 from seed_joint import Together, follow, move_together, some_axes
 
-from app.operations.register import Operation
+from app.operations.operation import Operation
 from drivers.cia301.objects import Address
 from drivers.cia402 import objects
 from drivers.errors import CanaxisError

@@ -15,7 +15,7 @@ from seed_invariants import Invariants
 from seed_trace import Trace
 from virtual_loop import VirtualLoop, service_context
 
-from app.operations.register import Operation
+from app.operations.operation import Operation
 from drivers.bus.base import BusCounters, BusState, FrameHandler, StateHandler
 from drivers.bus.frame import Frame
 from drivers.bus.memory import MemoryBus, MemoryWire

@@ -11,8 +11,10 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse
 from starlette.types import Message, Receive, Scope, Send
 
+from app.access.bodies import MAX_BODY
+from app.access.policy import Policy
 from app.access.roles import Role, is_stop
-from app.access.security import MAX_BODY, Policy, SecurityMiddleware
+from app.access.security import SecurityMiddleware
 from app.access.tickets import Tickets
 from app.access.tokens import Principal
 from app.configuration.configuration import ServerSettings

@@ -6,9 +6,9 @@ import pytest
 from api_bench import Bench
 from fastapi import APIRouter, Depends
 
+from app.axes.deps import AxisDep
 from app.axes.direct import AxisRoute
 from app.axes.schemas import AxisStatusReply
-from app.http.deps import AxisDep
 
 pytestmark = pytest.mark.looptime
 

@@ -8,7 +8,8 @@ from unittest.mock import Mock
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.axes.units import Meant, Scale
+from app.axes.units import Scale
+from app.moves.meant import Meant
 from drivers.master.axis.axis import Axis
 from drivers.master.plan.configuration import INT32_MAX, INT32_MIN, AxisConfig
 from drivers.master.plan.gearing import Gearing, exact

@@ -8,7 +8,8 @@ import pytest
 
 from app.commands.serve import parse_node, parse_option
 from app.commands.simulate import parse_nodes
-from app.configuration.configuration import AxisSettings, Settings, SettingsError, load_settings
+from app.configuration.configuration import AxisSettings, Settings, SettingsError
+from app.configuration.loading import load_settings
 from app.main import create_app
 
 TOKEN = "0f1e2d3c4b5a69788796a5b4c3d2e1f0"

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 from starlette.types import Message, Receive, Scope, Send
 
-from app.access.security import Policy, SecurityMiddleware
+from app.access.policy import Policy
+from app.access.security import SecurityMiddleware
 from app.access.tickets import Tickets
 from app.configuration.configuration import ServerSettings
 from app.http.paths import API

@@ -17,8 +17,8 @@ from starlette.types import Receive, Scope, Send
 from app.access.roles import Role, is_stop
 from app.access.tokens import Principal
 from app.configuration.configuration import Settings
-from app.http.deps import command_headers
 from app.http.paths import SAFE_METHODS
+from app.idempotency.deps import command_headers
 from app.idempotency.keys import PRUNE_EACH, Claim, Keys
 from app.idempotency.middleware import IdempotencyMiddleware
 from app.idempotency.table import names

@@ -12,8 +12,8 @@ from api_bench import Bench, EventClient, running
 from fastapi.routing import APIRoute
 
 from app.access.roles import DRY_RUNS, needs_lease
+from app.axes.deps import every_axis, get_axis, get_node
 from app.configuration.configuration import AuditSettings, Settings
-from app.http.deps import every_axis, get_axis, get_node
 from app.leases.book import Lease
 from app.leases.leases import LeaseEnd
 from app.main import create_app
@@ -295,7 +295,7 @@ NO_AXIS = {
 
 
 def test_every_command_about_axes_looks_for_leases() -> None:
-    """By the axis or node of its path (`http.deps`), or as an operation on axes (`operations.starting`)."""
+    """By the axis or node of its path (`axes.deps`), or as an operation on axes (`operations.starting`)."""
 
     def looks(dependant: Any) -> bool:
         calls = (get_axis, get_node, every_axis, get_starter)

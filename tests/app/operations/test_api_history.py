@@ -14,7 +14,8 @@ from api_bench import Bench, never_begun, running
 
 from app.configuration.configuration import Settings, StoreSettings
 from app.operations.register import OperationRegister
-from app.store.database import Database, Statement
+from app.store.database import Database
+from app.store.sqlite import Statement
 
 pytestmark = pytest.mark.looptime
 

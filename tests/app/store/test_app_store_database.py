@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from app.store.database import Database, Statement, StoreOff
+from app.store.database import Database, StoreOff
 from app.store.schema import MIGRATIONS
+from app.store.sqlite import Statement
 
 
 def key(name: str, size: int = 1) -> Statement:
