@@ -6,12 +6,14 @@ import inspect
 from collections.abc import Iterator
 
 from fastapi.dependencies.models import Dependant
-from fastapi.routing import APIRoute
+from fastapi.routing import APIRoute, APIWebSocketRoute
 from starlette.routing import Route, WebSocketRoute
 
 from app.configuration.configuration import Settings
+from app.http.parts import part_of
 from app.http.paths import API
 from app.main import ROUTERS, create_app
+from app.service import Parts
 
 
 def test_every_route_has_its_whole_path_before_the_first_request():
@@ -31,6 +33,14 @@ def test_no_request_waits_for_a_thread():
     for route in routes:
         for call in _calls(route.dependant):
             assert inspect.iscoroutinefunction(call), (route.path, call)
+
+
+def test_every_part_that_a_route_asks_for_is_one_that_the_lifespan_hands_out():
+    routes = [r for r in create_app(Settings()).router.routes if isinstance(r, APIRoute | APIWebSocketRoute)]
+    calls = (call for route in routes for call in _calls(route.dependant))
+    asked = {part.name for call in calls if (part := part_of(call)) is not None}
+    assert {"network", "leases", "jogs"} <= asked
+    assert asked <= set(Parts.__annotations__)
 
 
 def _calls(dependant: Dependant) -> Iterator[object]:
