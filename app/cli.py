@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from app.configuration.configuration import SettingsError
+from app.configuration.sections import ConfigurationError
 from drivers.errors import CanaxisError
 
 COMMANDS = {
@@ -90,7 +90,7 @@ def main() -> None:
     gc.enable()
     try:
         cli()
-    except (SettingsError, CanaxisError) as error:
+    except (ConfigurationError, CanaxisError) as error:
         print(f"canaxis: {error}", file=sys.stderr)
         hint: str = getattr(error, "hint", "")
         if hint.rstrip(".").lower() not in str(error).lower():

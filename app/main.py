@@ -18,7 +18,8 @@ from app.access.security import DOCS_ASSETS, SecurityMiddleware
 from app.access.tickets import Tickets
 from app.axes import routes as axes_routes
 from app.bus import routes as bus_routes
-from app.configuration.configuration import BusSettings, Settings, SettingsError
+from app.configuration.configuration import BusConfiguration, Configuration
+from app.configuration.sections import ConfigurationError
 from app.coordinated import routes as coordinated_routes
 from app.events import routes as events_routes
 from app.health import routes as health_routes
@@ -76,27 +77,29 @@ ROUTERS = (  # in the order in which paths are tried: what is asked most comes f
 
 
 def create_app(
-    settings: Settings, bus: Bus | None = None, *, on_service: Callable[[Service], None] | None = None
+    configuration: Configuration,
+    bus: Bus | None = None,
+    *,
+    on_service: Callable[[Service], None] | None = None,
 ) -> FastAPI:
-    """The service for these settings. Raises `SettingsError` if they can't be served.
+    """The service for this configuration. Raises `ConfigurationError` if it can't be served.
 
-    `bus` stands in for the one that the settings name; `on_service` is told of the service when the lifespan
-    begins.
+    `bus` stands in for the one that it names; `on_service` is told of the service when the lifespan begins.
     """
-    settings.check_exposure()
-    network_config = settings.network_config()
+    configuration.check_exposure()
+    network_config = configuration.network_config()
     catalog = Catalog.load()
     _check_models(network_config, catalog)
-    policy = Policy.of(settings.server, settings.trajectories)
+    policy = Policy.of(configuration.server, configuration.trajectories)
     issued = Tickets()
-    trail = AuditTrail(settings.audit)
+    trail = AuditTrail(configuration.audit)
     keys = Keys()
-    wire = _wire(settings.bus) if bus is None else bus
+    wire = _wire(configuration.bus) if bus is None else bus
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncGenerator[Parts]:
         del app
-        service = Service(settings, Network(wire, network_config, catalog), issued, trail, keys)
+        service = Service(configuration, Network(wire, network_config, catalog), issued, trail, keys)
         if on_service is not None:
             on_service(service)
         await service.open()
@@ -129,32 +132,34 @@ def create_app(
     return app
 
 
-def _wire(settings: BusSettings) -> Bus:
-    """The bus that the settings name, not yet open. Raises `SettingsError` for what can never be one."""
-    if settings.interface not in (known := interfaces()):
-        raise SettingsError(
-            f"bus.interface: python-can has no {settings.interface!r}; it has {', '.join(known)}"
+def _wire(configuration: BusConfiguration) -> Bus:
+    """The bus that is configured, not yet open. Raises `ConfigurationError` for what can never be one."""
+    if configuration.interface not in (known := interfaces()):
+        raise ConfigurationError(
+            f"bus.interface: python-can has no {configuration.interface!r}; it has {', '.join(known)}"
         )
     try:
-        return PythonCanBus(**settings.arguments())
+        return PythonCanBus(**configuration.arguments())
     except (BadValue, ValueError) as error:
-        raise SettingsError(f"bus.options: {error}") from error
+        raise ConfigurationError(f"bus.options: {error}") from error
 
 
 def _check_models(config: NetworkConfig, catalog: Catalog) -> None:
     """Refuse a node that the catalog doesn't know, more axes than it has, or what its objects don't take."""
     for node in config.nodes:
         if node.model not in catalog.models:
-            raise SettingsError(
+            raise ConfigurationError(
                 f"nodes: {node.name}: there is no {node.model}; {', '.join(catalog.models)} is"
             )
         if len(node.axes) > (most := catalog.profile(node.model).axes):
-            raise SettingsError(f"nodes: {node.name}: a {node.model} has {most} axes, not {len(node.axes)}")
+            raise ConfigurationError(
+                f"nodes: {node.name}: a {node.model} has {most} axes, not {len(node.axes)}"
+            )
         for number, axis in enumerate(node.axes):
             try:
                 check_ranges(axis, catalog.profile(node.model), number)
             except BadValue as error:
-                raise SettingsError(f"nodes: {node.name}: {error.message}") from error
+                raise ConfigurationError(f"nodes: {node.name}: {error.message}") from error
 
 
 def _openapi_once(app: FastAPI) -> dict[str, object]:

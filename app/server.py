@@ -13,7 +13,8 @@ from types import FrameType
 import uvicorn
 from fastapi import FastAPI
 
-from app.configuration.configuration import Settings, SettingsError
+from app.configuration.configuration import Configuration
+from app.configuration.sections import ConfigurationError
 from app.http.connections import MAX_MESSAGE, PING, BoundedWebSocket, bounded_http, look_at
 from app.main import create_app
 from app.service import Service
@@ -33,8 +34,8 @@ class AxisServer(uvicorn.Server):
     without that: the modules stop by themselves when our heartbeat ends.
     """
 
-    def __init__(self, settings: Settings, announce: Announce, url: str) -> None:
-        super().__init__(_config(create_app(settings, on_service=self.attach), settings))
+    def __init__(self, configuration: Configuration, announce: Announce, url: str) -> None:
+        super().__init__(_config(create_app(configuration, on_service=self.attach), configuration))
         self.service: Service | None = None
         self.failed = False
         self._announce = announce
@@ -109,13 +110,13 @@ class AxisServer(uvicorn.Server):
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A socket bound to the address. Raises `SettingsError` if it can't be had."""
+    """A socket bound to the address. Raises `ConfigurationError` if it can't be had."""
     try:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
         family, kind, protocol, _, address = found[0]
         bound = socket.socket(family, kind, protocol)
     except OSError as error:
-        raise SettingsError(
+        raise ConfigurationError(
             f"server.host: {host} is no address of this machine ({error.strerror})"
         ) from error
     try:
@@ -124,23 +125,25 @@ def listen(host: str, port: int) -> socket.socket:
         bound.listen(128)
     except OSError as error:
         bound.close()
-        raise SettingsError(
+        raise ConfigurationError(
             f"server.port: can't listen on {host}:{port} ({error.strerror}); choose another with --port"
         ) from error
     bound.setblocking(False)
     return bound
 
 
-def run_server(settings: Settings, announce: Announce) -> bool:
-    """Serve until a signal comes; True if all went well. Raises `SettingsError` before anything runs."""
-    settings.check_exposure()
-    bound = listen(settings.server.host, settings.server.port)
+def run_server(configuration: Configuration, announce: Announce) -> bool:
+    """Serve until a signal comes; True if all went well. Raises `ConfigurationError` before anything runs."""
+    configuration.check_exposure()
+    bound = listen(configuration.server.host, configuration.server.port)
     port = int(bound.getsockname()[1])
-    settings = settings.model_copy(update={"server": settings.server.model_copy(update={"port": port})})
-    host = f"[{settings.server.host}]" if ":" in settings.server.host else settings.server.host
+    configuration = configuration.model_copy(
+        update={"server": configuration.server.model_copy(update={"port": port})}
+    )
+    host = f"[{configuration.server.host}]" if ":" in configuration.server.host else configuration.server.host
     url = f"http://{HERE.get(host, host)}:{port}"
     with bound:
-        server = AxisServer(settings, announce, url)
+        server = AxisServer(configuration, announce, url)
         closed: signal.Signals | None = getattr(signal, "SIGHUP", None)  # not on Windows
         if closed is not None and signal.getsignal(closed) is signal.SIG_DFL:  # `nohup` ignores it
             signal.signal(closed, server.handle_exit)  # the terminal was closed
@@ -148,7 +151,7 @@ def run_server(settings: Settings, announce: Announce) -> bool:
     return server.started and not server.failed
 
 
-def _config(app: FastAPI, settings: Settings) -> uvicorn.Config:
+def _config(app: FastAPI, configuration: Configuration) -> uvicorn.Config:
     return uvicorn.Config(
         app,
         lifespan="on",
@@ -161,7 +164,7 @@ def _config(app: FastAPI, settings: Settings) -> uvicorn.Config:
         access_log=False,
         server_header=False,
         proxy_headers=False,
-        http=bounded_http(settings.server),
+        http=bounded_http(configuration.server),
         timeout_keep_alive=30,
-        timeout_graceful_shutdown=math.ceil(settings.server.stop_timeout),
+        timeout_graceful_shutdown=math.ceil(configuration.server.stop_timeout),
     )

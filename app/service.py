@@ -14,7 +14,7 @@ import structlog
 from app.access.audit import AuditTrail
 from app.access.tickets import Tickets
 from app.bus.opening import BusOpener
-from app.configuration.configuration import ObjectsSettings, Settings, TrajectorySettings
+from app.configuration.configuration import Configuration, ObjectsConfiguration, TrajectoryConfiguration
 from app.coordinated import views as coordinated
 from app.events import journal
 from app.events.streams import Streams
@@ -52,8 +52,8 @@ class Parts(TypedDict):
     streams: Streams
     jogs: Jogs
     tickets: Tickets
-    objects: ObjectsSettings
-    trajectories: TrajectorySettings
+    objects: ObjectsConfiguration
+    trajectories: TrajectoryConfiguration
     condition: Condition
     metrics: Metrics
 
@@ -62,24 +62,24 @@ class Service:
     """One network, its operations and its event streams."""
 
     def __init__(
-        self, settings: Settings, network: Network, tickets: Tickets, audit: AuditTrail, keys: Keys
+        self, configuration: Configuration, network: Network, tickets: Tickets, audit: AuditTrail, keys: Keys
     ) -> None:
-        most = settings.server.max_streams
-        silence = settings.server.jog_silence_ms / 1000
+        most = configuration.server.max_streams
+        silence = configuration.server.jog_silence_ms / 1000
         self.network = network
         self.audit = audit
         self.keys = keys
         self.tasks = Tasks()
         self.bus = BusOpener(network)
-        self.store = Database(settings.store.file)
+        self.store = Database(configuration.store.file)
         self.operations = OperationRegister(
             self.store,
             network.axis,
             results={MotionKind.COORDINATED_MOVE: coordinated.result},
-            keep_days=settings.store.keep_days,
-            keep_number=settings.store.keep_operations,
+            keep_days=configuration.store.keep_days,
+            keep_number=configuration.store.keep_operations,
         )
-        self.book = SettingsBook(settings, network, self.store)
+        self.book = SettingsBook(configuration, network, self.store)
         self.leases = Leases(network, self.store, audit, self.tasks.spawn)
         self.streams = Streams(Told(network, self.bus, self.leases, self.operations), most)
         self.jogs = Jogs(Means(self.operations, self.leases, self.tasks, audit, silence), most)
@@ -95,8 +95,8 @@ class Service:
             streams=self.streams,
             jogs=self.jogs,
             tickets=tickets,
-            objects=settings.objects,
-            trajectories=settings.trajectories,
+            objects=configuration.objects,
+            trajectories=configuration.trajectories,
             condition=Condition(network, self.bus, self.tasks, self.store, audit),
             metrics=Metrics(Measured(network, self.bus, self.operations, self.streams, audit)),
         )

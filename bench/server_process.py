@@ -18,7 +18,7 @@ from starlette.types import ASGIApp, Receive, Scope, Send
 
 from app import server
 from app.commands.logs import configure_logs
-from app.configuration.configuration import Settings
+from app.configuration.configuration import Configuration
 from app.service import Service
 from bench.punctual import keep_time
 from bench.wire import CHANNEL, as_socketcan
@@ -71,7 +71,7 @@ async def announce(_: Service, url: str) -> None:
 
 def main(end: socket.socket) -> None:
     """Serve until a signal comes."""
-    settings = Settings.model_validate(
+    configuration = Configuration.model_validate(
         {
             "bus": {"interface": "socketcan", "channel": CHANNEL},
             "server": {"port": 0},
@@ -79,13 +79,13 @@ def main(end: socket.socket) -> None:
             "log": {"level": "warning"},
         }
     )
-    configure_logs(settings.log)
+    configure_logs(configuration.log)
     real = server.create_app
     with (
         as_socketcan(end),
         mock.patch.object(server, "create_app", lambda *a, **k: Aside(real(*a, **k), bare())),
     ):
-        server.run_server(settings, announce)
+        server.run_server(configuration, announce)
 
 
 if __name__ == "__main__":

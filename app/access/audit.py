@@ -23,7 +23,7 @@ import structlog
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.access.tokens import Principal, private
-from app.configuration.configuration import AuditSettings
+from app.configuration.configuration import AuditConfiguration
 from app.http.paths import API, SAFE_METHODS
 
 WAITING = 10_000
@@ -56,20 +56,20 @@ class _File(RotatingFileHandler):
 class AuditTrail:
     """Writes entries to the log, and to the file if there is one."""
 
-    def __init__(self, settings: AuditSettings) -> None:
+    def __init__(self, configuration: AuditConfiguration) -> None:
         self.lost = 0
         """Entries that are not in the file."""
         self.problem: str | None = None
         """Why the file isn't written at the moment."""
-        self._settings = settings
+        self._configuration = configuration
         self._queue: queue.Queue[str | None] = queue.Queue(WAITING)
         self._writer: threading.Thread | None = None
 
     def open(self) -> None:
         """Begin to write the file, if there is one."""
-        if self._settings.file is not None:
+        if self._configuration.file is not None:
             write = threading.Thread(
-                target=self._write, args=(self._settings.file,), name="audit trail", daemon=True
+                target=self._write, args=(self._configuration.file,), name="audit trail", daemon=True
             )
             write.start()
             self._writer = write
@@ -99,8 +99,8 @@ class AuditTrail:
         """The thread's work."""
         file = _File(
             path,
-            maxBytes=self._settings.max_bytes,
-            backupCount=self._settings.keep,
+            maxBytes=self._configuration.max_bytes,
+            backupCount=self._configuration.keep,
             encoding="utf-8",
             delay=True,
         )

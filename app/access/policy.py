@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from app.access.tokens import Tokens
-from app.configuration.configuration import ServerSettings, TrajectorySettings
+from app.configuration.configuration import ServerConfiguration, TrajectoryConfiguration
 from app.http.uploads import Uploads
 
 
@@ -27,12 +27,12 @@ class Policy:
     """How the bodies of the few paths are taken that may be larger."""
 
     @classmethod
-    def of(cls, server: ServerSettings, trajectories: TrajectorySettings | None = None) -> Policy:
+    def of(cls, server: ServerConfiguration, trajectories: TrajectoryConfiguration | None = None) -> Policy:
         """Loopback names with our port, the address that we listen on, and what the settings add.
 
-        Raises `SettingsError` if the tokens can't be read.
+        Raises `ConfigurationError` if the tokens can't be read.
         """
-        trajectories = trajectories or TrajectorySettings()
+        trajectories = trajectories or TrajectoryConfiguration()
         port = server.port
         hosts = {f"127.0.0.1:{port}", f"localhost:{port}", f"[::1]:{port}"}
         if server.host not in ("0.0.0.0", "::"):

@@ -16,7 +16,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from app.access.roles import ROLES, Role
-from app.configuration.configuration import ServerSettings, SettingsError
+from app.configuration.configuration import ServerConfiguration
+from app.configuration.sections import ConfigurationError
 
 RANDOM_BYTES = 32
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_.-]{0,62}")
@@ -50,13 +51,13 @@ class Tokens:
         self._tokens = tuple(tokens)
 
     @classmethod
-    def of(cls, server: ServerSettings) -> Tokens:
-        """Those of the token file, and the one in the settings. Raises `SettingsError`."""
+    def of(cls, server: ServerConfiguration) -> Tokens:
+        """Those of the token file, and the one in the settings. Raises `ConfigurationError`."""
         tokens: list[Token] = []
         if server.token_file is not None:
             tokens += read_tokens(server.token_file)
             if not tokens:
-                raise SettingsError(
+                raise ConfigurationError(
                     f"server.token_file: {server.token_file} holds no token; make one with `canaxis token`"
                 )
         if server.token is not None:
@@ -83,27 +84,29 @@ def hash_of(secret: str) -> bytes:
 
 
 def read_tokens(path: Path) -> tuple[Token, ...]:
-    """The tokens of a file. Raises `SettingsError` with the line that is wrong; never shows what it holds."""
+    """The tokens of a file. Raises `ConfigurationError` with the line that is wrong, not what it holds."""
     try:
         if path.stat().st_mode & 0o077:
-            raise SettingsError(f"server.token_file: {path} must be readable by its owner only (chmod 600)")
+            raise ConfigurationError(
+                f"server.token_file: {path} must be readable by its owner only (chmod 600)"
+            )
         text = path.read_text(encoding="ascii")
     except OSError as error:
-        raise SettingsError(f"server.token_file: {path}: {error.strerror}") from error
+        raise ConfigurationError(f"server.token_file: {path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
-        raise SettingsError(f"server.token_file: {path} is no ASCII text") from error
+        raise ConfigurationError(f"server.token_file: {path} is no ASCII text") from error
     tokens: dict[str, Token] = {}
     for number, line in enumerate(text.splitlines(), 1):
         if not line.strip() or line.startswith("#"):
             continue
         token = _parse(line)
         if token is None:
-            raise SettingsError(
+            raise ConfigurationError(
                 f"server.token_file: {path}, line {number}: a name, a role ({', '.join(ROLES)}) and "
                 "sha256:HASH are expected; `canaxis token` writes such lines"
             )
         if token.holder.name in tokens:
-            raise SettingsError(
+            raise ConfigurationError(
                 f"server.token_file: {path}, line {number}: {token.holder.name} is there twice"
             )
         tokens[token.holder.name] = token
@@ -122,20 +125,22 @@ def _parse(line: str) -> Token | None:
 def add_token(path: Path, name: str, role: Role) -> str:
     """Make a token and add its hash to a file, which is made (mode 0600) if it isn't there.
 
-    Returns the token, which nobody can read again. Raises `SettingsError`.
+    Returns the token, which nobody can read again. Raises `ConfigurationError`.
     """
     if _NAME.fullmatch(name) is None:
-        raise SettingsError(
+        raise ConfigurationError(
             f"{name[:80]!r} is no name for a token: letters, digits, _ . and - are, a letter first"
         )
     if path.exists() and any(token.holder.name == name for token in read_tokens(path)):
-        raise SettingsError(f"{path} has a token named {name}; remove its line first, or choose another name")
+        raise ConfigurationError(
+            f"{path} has a token named {name}; remove its line first, or choose another name"
+        )
     secret = secrets.token_urlsafe(RANDOM_BYTES)
     try:
         with open(path, "a", encoding="ascii", opener=private) as file:
             file.write(f"{name} {role.word} sha256:{hash_of(secret).hex()}\n")
     except OSError as error:
-        raise SettingsError(f"{path}: {error.strerror}") from error
+        raise ConfigurationError(f"{path}: {error.strerror}") from error
     return secret
 
 

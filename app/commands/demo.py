@@ -17,8 +17,8 @@ import typer
 
 from app.commands.logs import configure_logs
 from app.commands.simulate import LISTENS, PANEL
-from app.configuration.configuration import SettingsError
-from app.configuration.loading import load_settings
+from app.configuration.loading import load_configuration
+from app.configuration.sections import ConfigurationError
 from app.server import run_server
 from app.service import Service
 from drivers import program
@@ -46,17 +46,17 @@ def demo(
     overrides: dict[str, Any] = {"log": {"level": "warning"}}
     if port is not None:
         overrides["server"] = {"port": port}
-    settings = load_settings(config, overrides)
-    configure_logs(settings.log)
-    with _simulator(can_port, panel_port, [node.id for node in settings.nodes]) as simulator:
+    configuration = load_configuration(config, overrides)
+    configure_logs(configuration.log)
+    with _simulator(can_port, panel_port, [node.id for node in configuration.nodes]) as simulator:
         bus = {
             "interface": "socketcand",
             "channel": "can0",
             "bitrate": None,
             "options": {"host": "127.0.0.1", "port": simulator.port},
         }
-        settings = load_settings(config, overrides | {"bus": bus})
-        ended_well = run_server(settings, partial(_announce, simulator.panel))
+        configuration = load_configuration(config, overrides | {"bus": bus})
+        ended_well = run_server(configuration, partial(_announce, simulator.panel))
     if not ended_well:
         sys.exit(1)
     print("Axes stopped and disabled; service and simulator ended.", flush=True)
@@ -102,12 +102,12 @@ def _wait_until_it_listens(process: subprocess.Popen[bytes]) -> Simulator:
         if select.select([process.stdout], [], [], 0.1)[0]:
             line = process.stdout.readline().decode().rstrip()
             if not line:
-                raise SettingsError("the simulator did not start (see above); try --can-port 0")
+                raise ConfigurationError("the simulator did not start (see above); try --can-port 0")
             if line.startswith(PANEL):
                 panel = line.removeprefix(PANEL)
             elif line.startswith(LISTENS):
                 return Simulator(int(line.rpartition(":")[2]), panel)
-    raise SettingsError(f"the simulator did not start within {STARTING:g} s")
+    raise ConfigurationError(f"the simulator did not start within {STARTING:g} s")
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:

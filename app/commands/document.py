@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from app.configuration.configuration import Settings
+from app.configuration.configuration import Configuration
 from app.http.documentation import render
 from app.main import create_app
 
@@ -17,7 +17,7 @@ def openapi(
     output: Annotated[Path | None, typer.Option(help="File to write; standard output if left out.")] = None,
 ) -> None:
     """Print the OpenAPI document of the HTTP API."""
-    text = render(create_app(Settings()).openapi())
+    text = render(create_app(Configuration()).openapi())
     if output is None:
         sys.stdout.write(text)
     else:

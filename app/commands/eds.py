@@ -16,8 +16,9 @@ from rich.progress import Progress
 from rich.table import Table
 
 from app.commands.serve import parse_option
-from app.configuration.configuration import BusSettings, SettingsError
-from app.configuration.loading import load_settings
+from app.configuration.configuration import BusConfiguration
+from app.configuration.loading import load_configuration
+from app.configuration.sections import ConfigurationError
 from drivers.bus.pythoncan import PythonCanBus
 from drivers.devices.catalog import Catalog
 from drivers.devices.eds import build_eds
@@ -49,7 +50,7 @@ def export(
     try:
         output.write_text(text, encoding="ascii", newline="\n")
     except OSError as error:
-        raise SettingsError(f"--output {output}: {error.strerror}") from error
+        raise ConfigurationError(f"--output {output}: {error.strerror}") from error
 
 
 @eds.command()
@@ -79,7 +80,7 @@ def check(
     overrides: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
     if option:
         overrides["options"] = dict(map(parse_option, option))
-    bus = load_settings(config, {"bus": overrides}).bus
+    bus = load_configuration(config, {"bus": overrides}).bus
     with Progress(console=Console(stderr=True), transient=True, disable=as_json) as progress:
         task = progress.add_task(f"Reading node {node}", total=None)
 
@@ -96,13 +97,13 @@ def check(
 
 
 async def _compare(
-    settings: BusSettings,
+    configuration: BusConfiguration,
     node: int,
     catalog: Catalog,
     model: str | None,
     progress: Callable[[int, int], None],
 ) -> Comparison:
-    bus = PythonCanBus(**settings.arguments())
+    bus = PythonCanBus(**configuration.arguments())
     await bus.open()
     try:
         return await compare(bus, node, catalog, model=model, progress=progress)
@@ -117,7 +118,7 @@ def _text(catalog: Catalog, model: str) -> str:
 
 def _known(catalog: Catalog, model: str) -> None:
     if model not in catalog.models:
-        raise SettingsError(f"--model {model}: known are {', '.join(catalog.models)}")
+        raise ConfigurationError(f"--model {model}: known are {', '.join(catalog.models)}")
 
 
 # --- what came out ---

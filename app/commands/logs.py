@@ -8,10 +8,10 @@ import sys
 import structlog
 from structlog.typing import Processor
 
-from app.configuration.configuration import LogSettings
+from app.configuration.configuration import LogConfiguration
 
 
-def configure_logs(settings: LogSettings) -> None:
+def configure_logs(configuration: LogConfiguration) -> None:
     """Set the level and the format, JSON lines or a console's. Called once, by the command line."""
     shared: list[Processor] = [
         structlog.stdlib.add_log_level,
@@ -19,7 +19,7 @@ def configure_logs(settings: LogSettings) -> None:
         structlog.processors.TimeStamper(fmt="iso", utc=True),
     ]
     last: Processor
-    if settings.format == "json":
+    if configuration.format == "json":
         last = structlog.processors.JSONRenderer()
     else:
         last = structlog.dev.ConsoleRenderer(colors=sys.stderr.isatty())
@@ -42,7 +42,7 @@ def configure_logs(settings: LogSettings) -> None:
     )
     root = logging.getLogger()
     root.handlers[:] = [handler]
-    root.setLevel(settings.level.upper())
+    root.setLevel(configuration.level.upper())
     for name in ("uvicorn", "uvicorn.error", "can"):
         logger = logging.getLogger(name)
         logger.handlers.clear()

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from app.commands.serve import parse_option
-from app.configuration.configuration import BusSettings
+from app.configuration.configuration import BusConfiguration
 from drivers.bus.pythoncan import PythonCanBus
 from drivers.devices.catalog import Catalog
 from drivers.master.scan import scan as scan_bus
@@ -26,7 +26,7 @@ def scan(
 
     Not while a service runs on the bus: each would take the other's answers.
     """
-    bus = BusSettings(
+    bus = BusConfiguration(
         interface=interface,
         channel=channel,
         bitrate=bitrate,

@@ -13,8 +13,9 @@ import typer
 
 from app.commands.logs import configure_logs
 from app.commands.parent import ExitWithParent, watching_parent
-from app.configuration.configuration import SettingsError, default_store
-from app.configuration.loading import load_settings
+from app.configuration.configuration import default_store
+from app.configuration.loading import load_configuration
+from app.configuration.sections import ConfigurationError
 from app.server import run_server
 from app.service import Service
 
@@ -53,9 +54,9 @@ def serve(
     }
     if node:
         overrides["nodes"] = [parse_node(text) for text in node]  # pyright: ignore[reportArgumentType]
-    settings = load_settings(config, overrides).with_store(default_store())
-    configure_logs(settings.log)
-    if not run_server(settings, _announce_to_parent if exit_with_parent else _announce):
+    configuration = load_configuration(config, overrides).with_store(default_store())
+    configure_logs(configuration.log)
+    if not run_server(configuration, _announce_to_parent if exit_with_parent else _announce):
         sys.exit(1)
 
 
@@ -76,16 +77,16 @@ def _given(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def parse_option(text: str) -> tuple[str, int | str]:
-    """NAME=VALUE; whole numbers become numbers. Raises `SettingsError`."""
+    """NAME=VALUE; whole numbers become numbers. Raises `ConfigurationError`."""
     name, equals, value = text.partition("=")
     if not equals or not name:
-        raise SettingsError(f"--option {text}: NAME=VALUE is expected")
+        raise ConfigurationError(f"--option {text}: NAME=VALUE is expected")
     return name, int(value) if value.isascii() and value.isdecimal() else value
 
 
 def parse_node(text: str) -> dict[str, Any]:
-    """ID[:NAME[:MODEL]]. Raises `SettingsError`."""
+    """ID[:NAME[:MODEL]]. Raises `ConfigurationError`."""
     match = _NODE.fullmatch(text)
     if match is None:
-        raise SettingsError(f"--node {text}: ID, ID:NAME or ID:NAME:MODEL is expected, e.g. 1:stage")
+        raise ConfigurationError(f"--node {text}: ID, ID:NAME or ID:NAME:MODEL is expected, e.g. 1:stage")
     return {"id": int(match[1]), "name": match[2] or f"node{match[1]}"} | _given({"model": match[3]})

@@ -10,7 +10,7 @@ import httpx
 import typer
 import yaml
 
-from app.configuration.configuration import SettingsError
+from app.configuration.sections import ConfigurationError
 
 settings = typer.Typer(help="Export, compare, apply and roll back the settings of a running service.")
 
@@ -71,25 +71,27 @@ def roll_back_settings(
 def _ask(
     method: str, path: str, url: str, token_file: Path | None, body: object = None, *, accept: str = "*/*"
 ) -> httpx.Response:
-    """One request. Raises `SettingsError` with what the service says, or why it can't be asked."""
+    """One request. Raises `ConfigurationError` with what the service says, or why it can't be asked."""
     headers = {"Accept": accept, "Content-Type": "application/json"}
     if token_file is not None:
         try:
             headers["Authorization"] = f"Bearer {token_file.read_text(encoding='utf-8').strip()}"
         except (OSError, ValueError) as error:
-            raise SettingsError(f"{token_file}: {error}") from error
+            raise ConfigurationError(f"{token_file}: {error}") from error
     address = f"{url.rstrip('/')}/api/v1/settings{path}"
     try:
         response = httpx.request(method, address, json=body, headers=headers, timeout=TIMEOUT)
     except (httpx.HTTPError, httpx.InvalidURL) as error:
-        raise SettingsError(f"{address}: {error}") from error
+        raise ConfigurationError(f"{address}: {error}") from error
     if response.is_success:
         return response
     try:
         problem: dict[str, Any] = response.json()
     except ValueError:
-        raise SettingsError(f"{address}: status {response.status_code}") from None
-    raise SettingsError(f"{problem.get('detail', response.status_code)}\n{problem.get('hint', '')}".strip())
+        raise ConfigurationError(f"{address}: status {response.status_code}") from None
+    raise ConfigurationError(
+        f"{problem.get('detail', response.status_code)}\n{problem.get('hint', '')}".strip()
+    )
 
 
 def _read(file: Path) -> dict[str, Any]:
@@ -97,9 +99,9 @@ def _read(file: Path) -> dict[str, Any]:
     try:
         document: object = yaml.safe_load(file.read_text(encoding="utf-8"))
     except (OSError, ValueError, yaml.YAMLError, RecursionError) as error:
-        raise SettingsError(f"{file}: {error}") from error
+        raise ConfigurationError(f"{file}: {error}") from error
     if not isinstance(document, dict) or "nodes" not in document:
-        raise SettingsError(f"{file}: a mapping with nodes is expected at the top")
+        raise ConfigurationError(f"{file}: a mapping with nodes is expected at the top")
     return {"nodes": cast("dict[str, Any]", document)["nodes"]}
 
 

@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 
 from app.commands.parent import ExitWithParent, watching_parent
-from app.configuration.configuration import SettingsError
+from app.configuration.sections import ConfigurationError
 from app.panel.server import panel_server
 from drivers.bus.pythoncan import PythonCanBus
 from drivers.devices.catalog import Catalog
@@ -53,24 +53,26 @@ def simulate(
     try:
         profile = Catalog.load().profile(model)
     except KeyError as error:
-        raise SettingsError(f"--model {model}: known are {', '.join(Catalog.load().models)}") from error
+        raise ConfigurationError(f"--model {model}: known are {', '.join(Catalog.load().models)}") from error
     if interface is None:
         place = _on_server(profile, ids, Listen(host, port), store, panel_port)
     elif panel_port is not None:
-        raise SettingsError("--panel-port: the panel needs the simulator's own bus; leave --interface out")
+        raise ConfigurationError(
+            "--panel-port: the panel needs the simulator's own bus; leave --interface out"
+        )
     else:
         place = _on_interface(profile, ids, interface, channel, store)
     asyncio.run(_run(place, exit_with_parent))
 
 
 def parse_nodes(text: str) -> list[int]:
-    """Node IDs: numbers and ranges, separated by commas. Raises `SettingsError`."""
+    """Node IDs: numbers and ranges, separated by commas. Raises `ConfigurationError`."""
     ids: set[int] = set()
     for part in text.split(","):
         match = re.fullmatch(r"\s*(\d{1,3})(?:-(\d{1,3}))?\s*", part)
         first, last = (0, 0) if match is None else (int(match[1]), int(match[2] or match[1]))
         if not 1 <= first <= last <= 127:
-            raise SettingsError(f"--nodes {text}: node IDs are 1 to 127, e.g. 1 or 1-8 or 1,5")
+            raise ConfigurationError(f"--nodes {text}: node IDs are 1 to 127, e.g. 1 or 1-8 or 1,5")
         ids |= set(range(first, last + 1))
     return sorted(ids)
 

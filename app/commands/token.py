@@ -10,8 +10,8 @@ import typer
 
 from app.access.roles import ROLES
 from app.access.tokens import add_token
-from app.configuration.configuration import SettingsError
-from app.configuration.loading import load_settings
+from app.configuration.loading import load_configuration
+from app.configuration.sections import ConfigurationError
 
 
 def token(
@@ -24,10 +24,10 @@ def token(
 ) -> None:
     """Make a token and show it once; its hash goes into the token file."""
     if role not in ROLES:
-        raise SettingsError(f"--role {role}: one of {', '.join(ROLES)} is expected")
-    path = token_file or load_settings(config).server.token_file
+        raise ConfigurationError(f"--role {role}: one of {', '.join(ROLES)} is expected")
+    path = token_file or load_configuration(config).server.token_file
     if path is None:
-        raise SettingsError("--token-file: the settings name no server.token_file to keep the token in")
+        raise ConfigurationError("--token-file: the settings name no server.token_file to keep the token in")
     secret = add_token(path, name, ROLES[role])
     print(secret)
     print(

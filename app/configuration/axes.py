@@ -18,7 +18,7 @@ from pydantic import (
 )
 
 from app.configuration.measures import DIMENSIONS, Gear, Measure, unit_of, units_of
-from app.configuration.sections import Name, Section, SettingsError
+from app.configuration.sections import ConfigurationError, Name, Section
 from drivers.errors import BadValue
 from drivers.master.plan.configuration import AxisConfig
 from drivers.master.plan.gearing import STEPS, Gearing, exact, micrometres
@@ -143,7 +143,7 @@ class AxisSettings(AxisValues):
 
     @property
     def gearing(self) -> Gearing | None:
-        """Motor, gear and pitch, if any of them is given. Raises `SettingsError`."""
+        """Motor, gear and pitch, if any of them is given. Raises `ConfigurationError`."""
         given = {key: value for key in _GEARING if (value := getattr(self, key)) is not None}
         if not given:
             return None
@@ -152,11 +152,11 @@ class AxisSettings(AxisValues):
             try:
                 given["pitch_um"] = micrometres(pitch.value, pitch.unit or self.unit)
             except ValueError as error:
-                raise SettingsError(f"axis {self.name}: pitch: {error}") from error
+                raise ConfigurationError(f"axis {self.name}: pitch: {error}") from error
         return Gearing(**given)
 
     def to_config(self) -> AxisConfig:
-        """The same in steps. Raises `SettingsError` for a number that is none of steps, `BadValue`."""
+        """The same in steps. Raises `ConfigurationError` for a number that is none of steps, `BadValue`."""
         units = AxisConfig(self.name, self.unit, self._per_unit, self.gearing)
         values: dict[str, Any] = {}
         for key in DIMENSIONS:
@@ -184,12 +184,12 @@ class AxisSettings(AxisValues):
         unit = alone if measure.unit is None else measure.unit
         size = units.get(unit)
         if size is None:
-            raise SettingsError(
+            raise ConfigurationError(
                 f"axis {self.name}: {key}: {unit!r} is none of its units, which are {', '.join(units)} here"
             )
         counted = exact(measure.value) * size
         if abs(counted) >= _BEYOND:
-            raise SettingsError(f"axis {self.name}: {key}: {measure} is no number of steps")
+            raise ConfigurationError(f"axis {self.name}: {key}: {measure} is no number of steps")
         return round(counted)
 
     def explicit(self) -> dict[str, Any]:
@@ -218,8 +218,8 @@ def _written(value: object) -> object:
 
 
 def config_of(settings: AxisSettings) -> AxisConfig:
-    """`AxisSettings.to_config`, with what the drivers refuse as a `SettingsError` too."""
+    """`AxisSettings.to_config`, with what the drivers refuse as a `ConfigurationError` too."""
     try:
         return settings.to_config()
     except BadValue as error:
-        raise SettingsError(error.message) from error
+        raise ConfigurationError(error.message) from error

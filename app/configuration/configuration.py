@@ -15,7 +15,7 @@ from platformdirs import user_state_path
 from pydantic import Field, SecretStr, field_validator, model_validator
 
 from app.configuration.axes import AxisSettings
-from app.configuration.sections import Name, Section, SettingsError
+from app.configuration.sections import ConfigurationError, Name, Section
 from drivers.errors import BadValue
 from drivers.master.plan.configuration import NetworkConfig, NodeConfig
 
@@ -27,7 +27,7 @@ TOKEN_VARIETY = 8
 """Different characters that a random token surely has, unlike most made up."""
 
 
-class BusSettings(Section):
+class BusConfiguration(Section):
     """Which wire to open, in python-can's words."""
 
     interface: str = "socketcand"
@@ -45,7 +45,7 @@ class BusSettings(Section):
         }
 
 
-class ServerSettings(Section):
+class ServerConfiguration(Section):
     """Where the service listens, and who may speak to it."""
 
     host: str = "127.0.0.1"
@@ -101,7 +101,7 @@ class ServerSettings(Section):
             return self.host == "localhost"  # any other name may lead anywhere
 
 
-class TrajectorySettings(Section):
+class TrajectoryConfiguration(Section):
     """Paths that are sent as points."""
 
     max_bytes: int = Field(default=256 << 20, ge=1024, description="The largest body, as JSON or CSV.")
@@ -113,7 +113,7 @@ class TrajectorySettings(Section):
     )
 
 
-class ObjectsSettings(Section):
+class ObjectsConfiguration(Section):
     """Raw access to the object dictionary."""
 
     writable: bool = Field(default=False, description="Whether PUT on objects is allowed at all.")
@@ -124,7 +124,7 @@ def default_store() -> Path:
     return user_state_path("canaxis") / "canaxis.db"
 
 
-class StoreSettings(Section):
+class StoreConfiguration(Section):
     """Where operations are remembered, and how long."""
 
     file: Path | None = Field(
@@ -134,7 +134,7 @@ class StoreSettings(Section):
     keep_operations: int = Field(default=100_000, ge=1, description="How many ended operations are kept.")
 
 
-class AuditSettings(Section):
+class AuditConfiguration(Section):
     """The record of who commanded what, besides the log."""
 
     file: Path | None = Field(default=None, description="JSON lines are added to it; none: the log alone.")
@@ -142,7 +142,7 @@ class AuditSettings(Section):
     keep: int = Field(default=5, ge=1, le=1000, description="Files that were set aside and are kept.")
 
 
-class LogSettings(Section):
+class LogConfiguration(Section):
     """What is logged, and how."""
 
     level: str = Field(default="info", pattern="^(debug|info|warning|error)$")
@@ -186,7 +186,7 @@ def _one_node() -> tuple[NodeSettings, ...]:
     return (NodeSettings(id=1, name="stage"),)
 
 
-class NetworkSettings(Section):
+class NetworkConfiguration(Section):
     """What the master itself is on the bus, and how who watches whom."""
 
     master_node_id: int | None = Field(default=None, ge=1, le=127)
@@ -197,18 +197,18 @@ class NetworkSettings(Section):
     sender_process: bool | None = None
 
 
-class Settings(Section):
+class Configuration(Section):
     """All of it."""
 
-    bus: BusSettings = Field(default_factory=BusSettings)
-    server: ServerSettings = Field(default_factory=ServerSettings)
-    network: NetworkSettings = Field(default_factory=NetworkSettings)
+    bus: BusConfiguration = Field(default_factory=BusConfiguration)
+    server: ServerConfiguration = Field(default_factory=ServerConfiguration)
+    network: NetworkConfiguration = Field(default_factory=NetworkConfiguration)
     nodes: tuple[NodeSettings, ...] = Field(default_factory=_one_node, min_length=1)
-    trajectories: TrajectorySettings = Field(default_factory=TrajectorySettings)
-    objects: ObjectsSettings = Field(default_factory=ObjectsSettings)
-    store: StoreSettings = Field(default_factory=StoreSettings)
-    audit: AuditSettings = Field(default_factory=AuditSettings)
-    log: LogSettings = Field(default_factory=LogSettings)
+    trajectories: TrajectoryConfiguration = Field(default_factory=TrajectoryConfiguration)
+    objects: ObjectsConfiguration = Field(default_factory=ObjectsConfiguration)
+    store: StoreConfiguration = Field(default_factory=StoreConfiguration)
+    audit: AuditConfiguration = Field(default_factory=AuditConfiguration)
+    log: LogConfiguration = Field(default_factory=LogConfiguration)
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -220,24 +220,24 @@ class Settings(Section):
             raise ValueError("nodes: two nodes have the same name")
         return self
 
-    def with_store(self, file: Path) -> Settings:
+    def with_store(self, file: Path) -> Configuration:
         """The same with this file for the store, unless one is named already."""
         if self.store.file is not None:
             return self
         return self.model_copy(update={"store": self.store.model_copy(update={"file": file})})
 
     def network_config(self) -> NetworkConfig:
-        """What the master takes. Raises `SettingsError` for what it refuses."""
+        """What the master takes. Raises `ConfigurationError` for what it refuses."""
         given = self.network.model_dump(exclude_none=True)
         try:
             return NetworkConfig(nodes=tuple(node.to_config() for node in self.nodes), **given)
         except BadValue as error:
-            raise SettingsError(error.message) from error
+            raise ConfigurationError(error.message) from error
 
     def check_exposure(self) -> None:
-        """Refuse an address that others can reach without a token. Raises `SettingsError`."""
+        """Refuse an address that others can reach without a token. Raises `ConfigurationError`."""
         if not self.server.has_token and not self.server.is_loopback:
-            raise SettingsError(
+            raise ConfigurationError(
                 f"server.host: {self.server.host} can be reached by others, and no token is set; "
                 "set server.token or server.token_file, or listen on 127.0.0.1"
             )

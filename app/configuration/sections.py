@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_.-]{0,62}$")]
 
 
-class SettingsError(Exception):
+class ConfigurationError(Exception):
     """The settings can't be used; the text says which key and why, one line for each."""
 
 

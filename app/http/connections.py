@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
-from app.configuration.configuration import ServerSettings
+from app.configuration.configuration import ServerConfiguration
 
 MAX_HEAD = 32 * 1024
 """Bytes of request line and headers, plus what came with the first of them."""
@@ -128,7 +128,7 @@ class BoundedWebSocket(WebSocketsSansIOProtocol):
             self.transport.abort()
 
 
-def bounded_http(server: ServerSettings) -> type[asyncio.Protocol]:
+def bounded_http(server: ServerConfiguration) -> type[asyncio.Protocol]:
     """The protocol for the server, with the limits of the settings."""
     limits = Limits(connections=server.max_connections, head_timeout=server.request_timeout)
     return type("BoundedHttp", (BoundedHttp,), {"limits": limits})

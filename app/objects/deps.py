@@ -6,8 +6,8 @@ from typing import Annotated
 
 from fastapi import Depends
 
-from app.configuration.configuration import ObjectsSettings
+from app.configuration.configuration import ObjectsConfiguration
 from app.http.parts import Part
 
-OBJECTS: Part[ObjectsSettings] = Part("objects")
-ObjectsDep = Annotated[ObjectsSettings, Depends(OBJECTS.get)]
+OBJECTS: Part[ObjectsConfiguration] = Part("objects")
+ObjectsDep = Annotated[ObjectsConfiguration, Depends(OBJECTS.get)]

@@ -14,7 +14,7 @@ from starlette.middleware import Middleware
 from app.access.policy import Policy
 from app.access.security import DOCS_ASSETS, SecurityMiddleware
 from app.access.tickets import Tickets
-from app.configuration.configuration import ServerSettings
+from app.configuration.configuration import ServerConfiguration
 from app.http.documentation import operation_id
 from app.http.errors import install_error_handlers
 from app.http.problem_types import ProblemTypeReply, problem_type
@@ -45,7 +45,7 @@ Endpoint = Callable[[int, Request], Coroutine[Any, Any, ModuleReply]]
 
 def create_panel(station: Station, port: int) -> FastAPI:
     """The panel of a station whose loop it runs in, served on `port` of this machine only."""
-    policy = Policy.of(ServerSettings(port=port))
+    policy = Policy.of(ServerConfiguration(port=port))
     app = FastAPIOffline(
         title="Canaxis fault panel",
         version=version("canaxis"),

@@ -28,7 +28,7 @@ class _Server(uvicorn.Server):
 
 @asynccontextmanager
 async def panel_server(station: Station, port: int) -> AsyncGenerator[str]:
-    """The panel on `port` (0 takes a free one); gives its URL. Raises `SettingsError` if it can't be had."""
+    """The panel on `port` (0 takes a free one); gives its URL. Raises `ConfigurationError` without one."""
     with listen(HOST, port) as bound:
         actual = int(bound.getsockname()[1])
         config = uvicorn.Config(

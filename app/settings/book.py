@@ -19,8 +19,8 @@ from pydantic import ValidationError
 
 from app.access.schemas import Asker
 from app.configuration.axes import AxisSettings
-from app.configuration.configuration import Settings
-from app.configuration.sections import SettingsError
+from app.configuration.configuration import Configuration
+from app.configuration.sections import ConfigurationError
 from app.http import validation
 from app.http.problems import ApiError
 from app.settings import table as records
@@ -42,10 +42,12 @@ log: structlog.stdlib.BoundLogger = structlog.get_logger("canaxis.settings")
 class SettingsBook:
     """All axes' settings, and the one way to change them."""
 
-    def __init__(self, settings: Settings, network: Network, store: Database) -> None:
+    def __init__(self, configuration: Configuration, network: Network, store: Database) -> None:
         self._store = store
         self._network = network
-        self._file = {axis: _in_file(settings, axis) for node in network.nodes.values() for axis in node.axes}
+        self._file = {
+            axis: _in_file(configuration, axis) for node in network.nodes.values() for axis in node.axes
+        }
         self._overlays: dict[str, Overlay] = {}
         self._lock = asyncio.Lock()
         self.revision: int | None = None
@@ -72,7 +74,7 @@ class SettingsBook:
                 config = settings.to_config()
                 check_ranges(config, axis.node.profile, axis.number)
                 axis.go_by(config)
-        except (SettingsError, ValidationError, BadValue) as error:
+        except (ConfigurationError, ValidationError, BadValue) as error:
             for axis, settings in self._file.items():
                 axis.go_by(settings.to_config())
             self.problem = (
@@ -193,7 +195,7 @@ class SettingsBook:
         everything = self._overlays | {_key(axis): overlay for axis, overlay in overlays.items()}
         try:
             configs = {axis: self._settings(axis, everything).to_config() for axis in overlays}
-        except SettingsError as error:
+        except ConfigurationError as error:
             raise ApiError("bad_value", str(error)) from error
         except ValidationError as error:
             reply = validation.of_validation(
@@ -243,9 +245,9 @@ def _key(axis: Axis) -> str:
     return f"{axis.node.node_id}/{axis.number}"
 
 
-def _in_file(settings: Settings, axis: Axis) -> AxisSettings:
+def _in_file(configuration: Configuration, axis: Axis) -> AxisSettings:
     """What the settings file says of an axis; one that it leaves out has all defaults."""
-    for node in settings.nodes:
+    for node in configuration.nodes:
         if node.id == axis.node.node_id and axis.number < len(node.axes):
             return node.axes[axis.number]
     return AxisSettings(name=axis.name)

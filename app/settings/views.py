@@ -12,7 +12,7 @@ from starlette.responses import Response
 from app.axes.views import change
 from app.configuration.axes import AxisSettings, AxisValues
 from app.configuration.measures import DIMENSIONS, unit_of, units_of, write_gear
-from app.configuration.sections import SettingsError
+from app.configuration.sections import ConfigurationError
 from app.http.problems import ApiError
 from app.settings.book import SettingsBook
 from app.settings.schemas import (
@@ -195,7 +195,7 @@ async def compare(book: SettingsBook, axes: Mapping[Axis, AxisSettings]) -> Diff
 def _config(settings: AxisSettings, axis: Axis) -> AxisConfig:
     try:
         config = settings.to_config()
-    except SettingsError as error:
+    except ConfigurationError as error:
         raise ApiError("bad_value", str(error)) from error
     check_ranges(config, axis.node.profile, axis.number)
     return config

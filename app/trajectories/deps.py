@@ -6,8 +6,8 @@ from typing import Annotated
 
 from fastapi import Depends
 
-from app.configuration.configuration import TrajectorySettings
+from app.configuration.configuration import TrajectoryConfiguration
 from app.http.parts import Part
 
-TRAJECTORIES: Part[TrajectorySettings] = Part("trajectories")
-TrajectoriesDep = Annotated[TrajectorySettings, Depends(TRAJECTORIES.get)]
+TRAJECTORIES: Part[TrajectoryConfiguration] = Part("trajectories")
+TrajectoriesDep = Annotated[TrajectoryConfiguration, Depends(TRAJECTORIES.get)]

@@ -68,7 +68,7 @@ async def start_trajectory(
     request: Request,
     network: NetworkDep,
     tasks: TasksDep,
-    settings: TrajectoriesDep,
+    configuration: TrajectoriesDep,
     starter: StarterDep,
     cycle_ms: Annotated[
         int | None,
@@ -87,7 +87,7 @@ async def start_trajectory(
     """
     tasks.check_open()
     upload: Upload = request.state.upload
-    reading = await asyncio.to_thread(read_points, upload, settings.folder)
+    reading = await asyncio.to_thread(read_points, upload, configuration.folder)
     points = reading.points
     begun = False
 

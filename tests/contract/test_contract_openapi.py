@@ -13,7 +13,7 @@ import pytest
 from openapi_spec_validator import validate
 from repository import ROOT
 
-from app.configuration.configuration import Settings
+from app.configuration.configuration import Configuration
 from app.http.documentation import render
 from app.main import create_app
 
@@ -34,7 +34,7 @@ each_operation = pytest.mark.parametrize(
 
 
 def test_it_is_what_the_service_says() -> None:
-    drifted = render(create_app(Settings()).openapi()) != COMMITTED.read_text(encoding="utf-8")
+    drifted = render(create_app(Configuration()).openapi()) != COMMITTED.read_text(encoding="utf-8")
     assert not drifted, "openapi/openapi.json drifted: run `make openapi` and look at what changed"
 
 

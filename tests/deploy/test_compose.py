@@ -18,8 +18,8 @@ from repository import ROOT
 from typer.testing import CliRunner
 
 from app.cli import command_line
-from app.configuration.configuration import Settings
-from app.configuration.loading import load_settings
+from app.configuration.configuration import Configuration
+from app.configuration.loading import load_configuration
 
 TOKEN = "0f1e2d3c4b5a69788796a5b4c3d2e1f0"
 
@@ -55,10 +55,10 @@ def test_the_environment_of_the_service_makes_settings_that_reach_the_simulator(
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
     monkeypatch.chdir(tmp_path)
-    settings: Settings = load_settings()
-    assert settings.bus.arguments()["host"] == "simulator"
-    assert settings.server.token is not None
-    assert settings.server.token.get_secret_value() == TOKEN
+    configuration: Configuration = load_configuration()
+    assert configuration.bus.arguments()["host"] == "simulator"
+    assert configuration.server.token is not None
+    assert configuration.server.token.get_secret_value() == TOKEN
 
 
 def test_the_dockerfile_installs_the_locked_dependencies_and_drops_root() -> None:

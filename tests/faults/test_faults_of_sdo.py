@@ -8,7 +8,7 @@ import pytest
 from api_bench import Bench, running
 from fault_kit import FAR, SDO_ANSWER, SDO_REQUEST, Written, metric, refusal, sent_to, truly_moving
 
-from app.configuration.configuration import Settings
+from app.configuration.configuration import Configuration
 from drivers.bus.faults import cob_id
 from drivers.bus.frame import Frame
 from drivers.cia301.objects import Address
@@ -16,7 +16,7 @@ from drivers.master.sdo.queue import SIZE, Priority
 
 pytestmark = pytest.mark.looptime
 
-WRITABLE = Settings.model_validate({"objects": {"writable": True}})
+WRITABLE = Configuration.model_validate({"objects": {"writable": True}})
 NAME, VENDOR, SPEED = "0x1008/0", "0x1018/1", "0x6081/0"
 
 

@@ -138,7 +138,7 @@ async def test_a_service_that_is_started_while_axes_move_adopts_them() -> None:
         asked = sent_to(bench, 0x601)
         commands = sent_to(bench, 0x000)
         bus = bench.wire.port("second service")
-        app = create_app(bench.settings, bus)
+        app = create_app(bench.configuration, bus)
         async with app.router.lifespan_context(app) as state:
             assert state is not None
             second = state["network"]

@@ -18,8 +18,9 @@ from starlette.requests import Request
 
 from app.axes.schemas import Quantity
 from app.axes.units import Scale
-from app.configuration.configuration import Settings, SettingsError
-from app.configuration.loading import load_settings
+from app.configuration.configuration import Configuration
+from app.configuration.loading import load_configuration
+from app.configuration.sections import ConfigurationError
 from app.events.streams import encode
 from app.http.problems import ApiError
 from app.http.waiting import LONGEST_WAIT, get_wait
@@ -145,7 +146,7 @@ def test_any_settings_file_is_served_or_refused_with_a_sentence(text: bytes, nam
     with TemporaryDirectory() as folder:
         path = Path(folder) / name
         path.write_bytes(text)
-        serve_or_refuse(lambda: load_settings(path))
+        serve_or_refuse(lambda: load_configuration(path))
 
 
 variables = st.dictionaries(
@@ -176,15 +177,15 @@ def test_any_environment_is_served_or_refused_with_a_sentence(given_: dict[str, 
     with TemporaryDirectory() as folder, mock.patch.dict(os.environ, environment, clear=True):
         path = Path(folder) / "empty.yaml"
         path.touch()
-        serve_or_refuse(lambda: load_settings(path))
+        serve_or_refuse(lambda: load_configuration(path))
 
 
-def serve_or_refuse(load: Callable[[], Settings]) -> None:
+def serve_or_refuse(load: Callable[[], Configuration]) -> None:
     try:
         loaded = load()
         wire = MemoryWire().port("master")
         create_app(loaded, wire)
-    except SettingsError as error:
+    except ConfigurationError as error:
         assert str(error).strip()
     else:
         for node in loaded.network_config().nodes:

@@ -13,7 +13,7 @@ import httpx
 from fastapi import FastAPI
 from starlette.types import Message, Receive, Scope, Send
 
-from app.configuration.configuration import Settings
+from app.configuration.configuration import Configuration
 from app.main import create_app
 from app.service import Service
 from drivers.bus.memory import MemoryBus, MemoryWire
@@ -32,7 +32,7 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 class Bench:
     """One running service."""
 
-    settings: Settings
+    configuration: Configuration
     wire: MemoryWire
     master_port: MemoryBus
     module: SimulatedNode
@@ -105,17 +105,17 @@ def never_begun(axis: Axis) -> Motion:
 
 @asynccontextmanager
 async def running(
-    settings: Settings | None = None, *, powered: bool = True, plugged: bool = True
+    configuration: Configuration | None = None, *, powered: bool = True, plugged: bool = True
 ) -> AsyncIterator[Bench]:
     """A service on a wire with a simulated module, or with one that is not there yet."""
-    settings = settings or Settings()
+    configuration = configuration or Configuration()
     wire = MemoryWire(bit_rate=1_000_000)
     master_port = wire.port("master")
     if not plugged:
         master_port.unplug()
     module = SimulatedNode(SimulatedModule(PROFILE, 1), wire.port("node 1"))
     services: list[Service] = []
-    app: FastAPI = create_app(settings, master_port, on_service=services.append)
+    app: FastAPI = create_app(configuration, master_port, on_service=services.append)
     async with AsyncExitStack() as stack:
         if powered:
             await stack.enter_async_context(module)
@@ -129,7 +129,7 @@ async def running(
         client = await stack.enter_async_context(
             httpx.AsyncClient(transport=httpx.ASGITransport(with_state), base_url=URL)
         )
-        yield Bench(settings, wire, master_port, module, service, with_state, client)
+        yield Bench(configuration, wire, master_port, module, service, with_state, client)
 
 
 @dataclass

@@ -10,7 +10,7 @@ import pytest
 import uvicorn
 from starlette.types import Receive, Scope, Send
 
-from app.configuration.configuration import ServerSettings
+from app.configuration.configuration import ServerConfiguration
 from app.http.connections import BoundedHttp, bounded_http, look_at
 
 pytestmark = pytest.mark.process
@@ -24,11 +24,11 @@ async def yes(scope: Scope, receive: Receive, send: Send) -> None:
 
 
 @contextlib.asynccontextmanager
-async def serving(**settings: object) -> AsyncIterator[tuple[int, uvicorn.server.ServerState]]:
+async def serving(**configuration: object) -> AsyncIterator[tuple[int, uvicorn.server.ServerState]]:
     """Just the protocol before an application that says yes; and what it knows of its connections."""
     config = uvicorn.Config(yes, lifespan="off", log_config=None)
     state = uvicorn.server.ServerState()
-    protocol = bounded_http(ServerSettings.model_validate(settings))
+    protocol = bounded_http(ServerConfiguration.model_validate(configuration))
     loop = asyncio.get_running_loop()
     server = await loop.create_server(
         lambda: protocol(config=config, server_state=state, app_state={}), "127.0.0.1", 0

@@ -15,7 +15,7 @@ from repository import ROOT
 
 from app.access.roles import COMMANDS, WEBSOCKET, Role
 from app.access.tokens import add_token
-from app.configuration.configuration import Settings
+from app.configuration.configuration import Configuration
 from drivers.bus.frame import Frame
 
 pytestmark = pytest.mark.looptime
@@ -98,8 +98,8 @@ def bearer(secret: str) -> dict[str, str]:
 
 
 async def test_each_role_gives_its_commands_and_no_more(tmp_path: Path, secrets: dict[Role, str]) -> None:
-    settings = Settings.model_validate({"server": {"token_file": tmp_path / "tokens"}})
-    async with running(settings) as bench:
+    configuration = Configuration.model_validate({"server": {"token_file": tmp_path / "tokens"}})
+    async with running(configuration) as bench:
         for method, template, path in operations():
             needed = Role[DOCUMENT["paths"][template][method.lower()]["x-role"].upper()]
             for role, secret in secrets.items():
@@ -111,8 +111,8 @@ async def test_each_role_gives_its_commands_and_no_more(tmp_path: Path, secrets:
 async def test_a_browser_opens_the_stream_with_a_ticket_of_its_own_role(
     tmp_path: Path, secrets: dict[Role, str]
 ) -> None:
-    settings = Settings.model_validate({"server": {"token_file": tmp_path / "tokens"}})
-    async with running(settings) as bench:
+    configuration = Configuration.model_validate({"server": {"token_file": tmp_path / "tokens"}})
+    async with running(configuration) as bench:
         assert (await bench.post("/tickets")).status_code == 401
         given = await bench.post("/tickets", headers=bearer(secrets[Role.READ]))
         assert given.status_code == 201
@@ -142,10 +142,10 @@ async def test_who_commanded_what_is_kept_and_no_secret_with_it(
     tmp_path: Path, secrets: dict[Role, str]
 ) -> None:
     file = tmp_path / "audit.jsonl"
-    settings = Settings.model_validate(
+    configuration = Configuration.model_validate(
         {"server": {"token_file": tmp_path / "tokens"}, "audit": {"file": file}}
     )
-    async with running(settings) as bench:
+    async with running(configuration) as bench:
         await bench.until_ready()
         await bench.post("/nodes/1/axes/0/enable", headers=bearer(secrets[Role.MOVE]))
         move: httpx.Response = await bench.post(
@@ -177,8 +177,8 @@ async def test_who_commanded_what_is_kept_and_no_secret_with_it(
 
 
 async def test_a_record_that_can_not_be_written_disturbs_no_command(tmp_path: Path) -> None:
-    settings = Settings.model_validate({"audit": {"file": tmp_path / "missing" / "audit.jsonl"}})
-    async with running(settings) as bench:
+    configuration = Configuration.model_validate({"audit": {"file": tmp_path / "missing" / "audit.jsonl"}})
+    async with running(configuration) as bench:
         await bench.until_ready()
         await bench.enable()
         await bench.service.audit.close()  # until the thread has tried

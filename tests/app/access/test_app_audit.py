@@ -8,7 +8,7 @@ import threading
 from pathlib import Path
 
 from app.access.audit import AuditTrail
-from app.configuration.configuration import AuditSettings
+from app.configuration.configuration import AuditConfiguration
 
 
 def files_in(folder: Path) -> list[Path]:
@@ -22,7 +22,7 @@ def entry(number: int) -> dict[str, object]:
 async def test_lines_are_added_private_and_rotated(tmp_path: Path) -> None:
     file = tmp_path / "audit.jsonl"
     for start in (0, 200):  # two runs of the service
-        trail = AuditTrail(AuditSettings(file=file, max_bytes=10_000, keep=9))
+        trail = AuditTrail(AuditConfiguration(file=file, max_bytes=10_000, keep=9))
         trail.open()
         for number in range(start, start + 200):
             trail.note(entry(number))
@@ -39,7 +39,7 @@ async def test_lines_are_added_private_and_rotated(tmp_path: Path) -> None:
 
 async def test_a_file_that_can_not_be_written_is_said_and_counted_and_comes_back(tmp_path: Path) -> None:
     folder = tmp_path / "missing"
-    trail = AuditTrail(AuditSettings(file=folder / "audit.jsonl"))
+    trail = AuditTrail(AuditConfiguration(file=folder / "audit.jsonl"))
     trail.open()
     trail.note(entry(1))
     await trail.close()
@@ -58,7 +58,7 @@ async def test_a_full_disk_is_said(tmp_path: Path) -> None:
         return  # which alone has a disk that is always full
     link = tmp_path / "audit.jsonl"
     link.symlink_to("/dev/full")
-    trail = AuditTrail(AuditSettings(file=link))
+    trail = AuditTrail(AuditConfiguration(file=link))
     trail.open()
     trail.note(entry(1))
     await trail.close()
@@ -68,7 +68,7 @@ async def test_a_full_disk_is_said(tmp_path: Path) -> None:
 
 async def test_without_a_file_there_is_no_thread() -> None:
     before = threading.active_count()
-    trail = AuditTrail(AuditSettings())
+    trail = AuditTrail(AuditConfiguration())
     trail.open()
     trail.note(entry(1))
     assert threading.active_count() == before

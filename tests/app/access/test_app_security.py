@@ -17,7 +17,7 @@ from app.access.roles import Role, is_stop
 from app.access.security import SecurityMiddleware
 from app.access.tickets import Tickets
 from app.access.tokens import Principal
-from app.configuration.configuration import ServerSettings
+from app.configuration.configuration import ServerConfiguration
 
 TOKEN = "correct-horse-battery-9"
 JSON = {"Content-Type": "application/json"}
@@ -29,7 +29,7 @@ async def yes(scope: Scope, receive: Receive, send: Send) -> None:
 
 
 def client(base: str = "http://127.0.0.1:8402", **server: object) -> httpx.AsyncClient:
-    policy = Policy.of(ServerSettings.model_validate(server))
+    policy = Policy.of(ServerConfiguration.model_validate(server))
     return httpx.AsyncClient(
         transport=httpx.ASGITransport(SecurityMiddleware(yes, policy, Tickets())), base_url=base
     )
@@ -240,7 +240,7 @@ async def test_a_request_that_breaks_off_is_not_carried_out() -> None:
 
     headers = [(b"host", b"localhost:8402"), (b"content-type", b"application/json")]
     scope = {"type": "http", "method": "POST", "path": "/x", "headers": headers}
-    await SecurityMiddleware(app, Policy.of(ServerSettings()), Tickets())(scope, receive, send)
+    await SecurityMiddleware(app, Policy.of(ServerConfiguration()), Tickets())(scope, receive, send)
     assert not called
     assert not sent
 
@@ -283,7 +283,7 @@ async def accepts(scope: Scope, receive: Receive, send: Send) -> None:
     ],
 )
 async def test_a_websocket_is_refused_before_it_is_accepted(headers: dict[str, str], code: str) -> None:
-    policy = Policy.of(ServerSettings.model_validate({"token": TOKEN}))
+    policy = Policy.of(ServerConfiguration.model_validate({"token": TOKEN}))
     said = await Socket(SecurityMiddleware(accepts, policy, Tickets())).open(**headers)
     assert said == {"type": "websocket.close", "code": 1008, "reason": code}
 
@@ -291,7 +291,7 @@ async def test_a_websocket_is_refused_before_it_is_accepted(headers: dict[str, s
 async def test_a_websocket_takes_a_token_or_a_ticket_of_enough_role_once() -> None:
     tickets = Tickets()
     socket = Socket(
-        SecurityMiddleware(accepts, Policy.of(ServerSettings.model_validate({"token": TOKEN})), tickets)
+        SecurityMiddleware(accepts, Policy.of(ServerConfiguration.model_validate({"token": TOKEN})), tickets)
     )
     assert (await socket.open(authorization=f"Bearer {TOKEN}"))["type"] == "websocket.accept"
     ticket = tickets.issue(Principal("a", Role.CONFIGURE))
@@ -303,7 +303,7 @@ async def test_a_websocket_takes_a_token_or_a_ticket_of_enough_role_once() -> No
 
 async def test_a_ticket_opens_streams_alone() -> None:
     tickets = Tickets()
-    policy = Policy.of(ServerSettings.model_validate({"token": TOKEN}))
+    policy = Policy.of(ServerConfiguration.model_validate({"token": TOKEN}))
     transport = httpx.ASGITransport(SecurityMiddleware(yes, policy, tickets))
     async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1:8402") as http:
         ticket = tickets.issue(Principal("a", Role.CONFIGURE))
@@ -363,7 +363,7 @@ async def test_a_body_that_never_ends_is_not_waited_for() -> None:
 
     headers = [(b"host", b"localhost:8402"), (b"content-type", b"application/json")]
     scope = {"type": "http", "method": "POST", "path": "/x", "headers": headers}
-    policy = Policy.of(ServerSettings(request_timeout=5))
+    policy = Policy.of(ServerConfiguration(request_timeout=5))
     await SecurityMiddleware(yes, policy, Tickets())(scope, receive, send)
     assert sent[0]["status"] == 408
     assert (b"connection", b"close") in sent[0]["headers"]

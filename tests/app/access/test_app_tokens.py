@@ -12,7 +12,8 @@ from app.access.roles import Role, role_for
 from app.access.tickets import CAPACITY, LIFETIME, Tickets
 from app.access.tokens import Principal, Tokens, add_token, read_tokens
 from app.cli import command_line
-from app.configuration.configuration import ServerSettings, SettingsError
+from app.configuration.configuration import ServerConfiguration
+from app.configuration.sections import ConfigurationError
 from app.http.rates import CLIENTS, RateLimit
 
 READER = Principal("screen", Role.READ)
@@ -38,17 +39,17 @@ def test_a_token_is_shown_once_and_only_its_hash_is_kept(tmp_path: Path) -> None
     assert re.fullmatch(r"screen read sha256:[0-9a-f]{64}\n", file.read_text())
     assert secret not in file.read_text()
     assert file.stat().st_mode & 0o777 == 0o600
-    assert Tokens.of(ServerSettings(token_file=file)).holder_of(secret) == READER
+    assert Tokens.of(ServerConfiguration(token_file=file)).holder_of(secret) == READER
 
 
 def test_several_tokens_have_their_own_names_and_roles(tmp_path: Path) -> None:
     file = tmp_path / "tokens"
     secrets = {role: add_token(file, role.word, role) for role in Role}
-    tokens = Tokens.of(ServerSettings(token_file=file))
+    tokens = Tokens.of(ServerConfiguration(token_file=file))
     for role, secret in secrets.items():
         assert tokens.holder_of(secret) == Principal(role.word, role)
         assert tokens.holder_of(secret[:-1]) is None
-    with pytest.raises(SettingsError, match="named move"):
+    with pytest.raises(ConfigurationError, match="named move"):
         add_token(file, "move", Role.READ)
     assert len(read_tokens(file)) == 4
 
@@ -74,8 +75,8 @@ def test_a_token_file_that_is_none_is_refused_and_not_shown(tmp_path: Path, text
     file = tmp_path / "tokens"
     file.write_text(text)
     file.chmod(0o600)
-    with pytest.raises(SettingsError, match=r"server\.token_file: ") as caught:
-        Tokens.of(ServerSettings(token_file=file))
+    with pytest.raises(ConfigurationError, match=r"server\.token_file: ") as caught:
+        Tokens.of(ServerConfiguration(token_file=file))
     assert "horse" not in str(caught.value)
 
 
@@ -84,9 +85,9 @@ def test_a_token_file_that_others_may_read_is_refused(tmp_path: Path, mode: int)
     file = tmp_path / "tokens"
     add_token(file, "a", Role.READ)
     file.chmod(mode)
-    with pytest.raises(SettingsError, match="chmod 600"):
+    with pytest.raises(ConfigurationError, match="chmod 600"):
         read_tokens(file)
-    with pytest.raises(SettingsError, match="chmod 600"):
+    with pytest.raises(ConfigurationError, match="chmod 600"):
         add_token(file, "b", Role.READ)
 
 

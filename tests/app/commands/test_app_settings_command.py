@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from app.cli import command_line
-from app.configuration.configuration import SettingsError
+from app.configuration.sections import ConfigurationError
 
 DIFF = {
     "equal": False,
@@ -98,7 +98,7 @@ def test_what_the_service_refuses_is_told_with_its_hint(monkeypatch: pytest.Monk
     refusal = httpx.Response(409, json={"detail": "Axis x moves.", "hint": "Stop it."})
     monkeypatch.setattr(httpx, "request", lambda *_, **__: refusal)
     result = run("rollback", "0")
-    assert isinstance(result.exception, SettingsError)
+    assert isinstance(result.exception, ConfigurationError)
     assert str(result.exception) == "Axis x moves.\nStop it."
 
 
@@ -107,5 +107,5 @@ def test_a_file_that_is_none_is_refused_before_anything_is_sent(
     asked: list[dict[str, Any]], tmp_path: Path, text: str
 ) -> None:
     (tmp_path / "f.yaml").write_text(text)
-    assert isinstance(run("apply", str(tmp_path / "f.yaml")).exception, SettingsError)
+    assert isinstance(run("apply", str(tmp_path / "f.yaml")).exception, ConfigurationError)
     assert asked == []

@@ -9,7 +9,7 @@ import pytest
 from api_bench import Bench, EventClient, running
 from starlette.types import Message
 
-from app.configuration.configuration import Settings
+from app.configuration.configuration import Configuration
 
 pytestmark = pytest.mark.looptime
 
@@ -118,8 +118,8 @@ async def test_a_quiet_stream_is_kept_open() -> None:
 
 
 async def test_too_many_streams_are_refused_and_a_closed_one_makes_room() -> None:
-    settings = Settings.model_validate({"server": {"max_streams": 1}})
-    async with running(settings) as bench:
+    configuration = Configuration.model_validate({"server": {"max_streams": 1}})
+    async with running(configuration) as bench:
         async with EventClient(bench.app) as events:
             await events.next("snapshot")
             refused = await bench.get("/events")
@@ -197,8 +197,8 @@ async def test_two_hundred_clients_get_a_stop_from_one_encoding(monkeypatch: pyt
         encoded += kind == "stop"
         return real(kind, data, event_id)
 
-    settings = Settings.model_validate({"server": {"max_streams": 200}})
-    async with running(settings, powered=False) as bench, AsyncExitStack() as stack:
+    configuration = Configuration.model_validate({"server": {"max_streams": 200}})
+    async with running(configuration, powered=False) as bench, AsyncExitStack() as stack:
         clients = [await stack.enter_async_context(EventClient(bench.app)) for _ in range(200)]
         for client in clients:
             await client.next("snapshot")

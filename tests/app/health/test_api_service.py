@@ -10,11 +10,11 @@ import pytest
 from api_bench import Bench, EventClient, running
 from starlette.types import Message
 
-from app.configuration.configuration import Settings
+from app.configuration.configuration import Configuration
 
 pytestmark = pytest.mark.looptime
 
-WRITABLE = Settings.model_validate({"objects": {"writable": True}})
+WRITABLE = Configuration.model_validate({"objects": {"writable": True}})
 
 
 async def test_it_lives_and_is_ready(bench: Bench) -> None:
@@ -318,8 +318,8 @@ async def test_the_security_checks_stand_before_everything(bench: Bench) -> None
 
 
 async def test_with_a_token_everything_but_the_probes_needs_it() -> None:
-    settings = Settings.model_validate({"server": {"token": "correct-horse-battery-9"}})
-    async with running(settings) as bench:
+    configuration = Configuration.model_validate({"server": {"token": "correct-horse-battery-9"}})
+    async with running(configuration) as bench:
         assert (await bench.get("/nodes")).status_code == 401
         assert (await bench.client.post("/api/v1/stop")).status_code == 401
         assert (await bench.client.get("/metrics")).status_code == 401

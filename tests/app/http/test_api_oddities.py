@@ -15,7 +15,7 @@ import pytest
 from api_bench import Bench, running
 from repository import ROOT
 
-from app.configuration.configuration import Settings
+from app.configuration.configuration import Configuration
 
 pytestmark = pytest.mark.looptime
 
@@ -171,7 +171,7 @@ async def test_no_token_is_ever_logged(
     caplog.set_level(logging.DEBUG)
     caplog.set_level(logging.WARNING, "httpx")  # the client's own log
     secret, wrong = "correct-horse-battery-9", "wrong-horse-staple-x"
-    async with running(Settings.model_validate({"server": {"token": secret}})) as bench:
+    async with running(Configuration.model_validate({"server": {"token": secret}})) as bench:
         bench.service.network.stop_all = None  # type: ignore[assignment] # a bug: the loudest that we can be
         for token in (secret, wrong):
             headers = {"Authorization": f"Bearer {token}"}

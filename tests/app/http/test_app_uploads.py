@@ -13,7 +13,7 @@ from starlette.types import Message, Receive, Scope, Send
 from app.access.policy import Policy
 from app.access.security import SecurityMiddleware
 from app.access.tickets import Tickets
-from app.configuration.configuration import ServerSettings
+from app.configuration.configuration import ServerConfiguration
 from app.http.paths import API
 from app.http.replies import ClientGone, Refusal
 from app.http.uploads import AT_ONCE, JSON, Uploads
@@ -114,7 +114,7 @@ async def test_a_client_that_goes_half_way_has_commanded_nothing() -> None:
     async def send(message: Message) -> None:
         raise AssertionError(message)
 
-    guard = SecurityMiddleware(app, Policy.of(ServerSettings()), Tickets())
+    guard = SecurityMiddleware(app, Policy.of(ServerConfiguration()), Tickets())
     headers: Iterable[tuple[bytes, bytes]] = [(b"host", b"localhost:8402"), (b"content-type", b"text/csv")]
     scope: Scope = {"type": "http", "method": "POST", "path": f"{API}/trajectories", "headers": headers}
     await guard(scope | {"state": {}}, body(b"t,stage.x[steps]\n0,0\n", end=GONE), send)

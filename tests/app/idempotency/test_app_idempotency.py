@@ -16,7 +16,7 @@ from starlette.types import Receive, Scope, Send
 
 from app.access.roles import Role, is_stop
 from app.access.tokens import Principal
-from app.configuration.configuration import Settings
+from app.configuration.configuration import Configuration
 from app.http.paths import SAFE_METHODS
 from app.idempotency.deps import command_headers
 from app.idempotency.keys import PRUNE_EACH, Claim, Keys
@@ -299,7 +299,7 @@ def test_every_command_spends_its_key_in_one_way() -> None:
     """With its operation (`Starter`), or before it is carried out (`command_headers`): never both, for two
     writes are slower and no safer, and never neither, for then it would be carried out twice."""
     looked_at = 0
-    for route in create_app(Settings()).routes:
+    for route in create_app(Configuration()).routes:
         if not isinstance(route, APIRoute) or (route.methods or set()) <= SAFE_METHODS:
             continue
         if is_stop(route.path) or route.name in HOLD_NO_KEY:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from api_bench import Bench, EventClient, running
 
-from app.configuration.configuration import NodeSettings, Settings
+from app.configuration.configuration import Configuration, NodeSettings
 from drivers.sim.terminals import MODE as IO_MODE
 
 pytestmark = pytest.mark.looptime
@@ -46,8 +46,8 @@ async def test_inputs_with_their_age(bench: Bench) -> None:
 
 
 async def test_volts_where_the_settings_give_a_scale() -> None:
-    settings = Settings(nodes=(NodeSettings(id=1, name="stage", analog_full_scale=10),))
-    async with running(settings) as bench:
+    configuration = Configuration(nodes=(NodeSettings(id=1, name="stage", analog_full_scale=10),))
+    async with running(configuration) as bench:
         await bench.until_ready()
         bench.module.apply(lambda module, _: module.terminals.set_analog(0, 4095))
         inputs = (await bench.get("/nodes/1/inputs")).json()

@@ -16,7 +16,7 @@ from starlette.types import Message
 
 from app.access.roles import Role
 from app.access.tokens import add_token
-from app.configuration.configuration import Settings
+from app.configuration.configuration import Configuration
 from app.jog.outbox import CAPACITY, Outbox, Overflow
 from app.jog.schemas import PongMessage
 from app.jog.socket import HUNG, PER_SECOND, STATUS
@@ -302,7 +302,7 @@ async def test_a_page_of_elsewhere_opens_none_even_where_nobody_needs_a_token(
 
 
 async def test_so_many_are_open_at_most() -> None:
-    async with running(Settings.model_validate({"server": {"max_streams": 1}})) as bench:
+    async with running(Configuration.model_validate({"server": {"max_streams": 1}})) as bench:
         await bench.until_ready()
         async with JogClient(bench.app) as first, JogClient(bench.app) as second:
             assert (await second.next("problem"))["problem"]["code"] == "too_many_streams"
@@ -359,8 +359,8 @@ async def test_a_fault_ends_a_jog(bench: Bench) -> None:
 
 async def test_a_soft_limit_ends_a_jog_within_it() -> None:
     axes = [{"name": "x", "soft_limits": [-1000, 60_000]}, {"name": "y"}]
-    settings = Settings.model_validate({"nodes": [{"id": 1, "name": "stage", "axes": axes}]})
-    async with running(settings) as bench:
+    configuration = Configuration.model_validate({"nodes": [{"id": 1, "name": "stage", "axes": axes}]})
+    async with running(configuration) as bench:
         await bench.until_ready()
         async with jogging(bench) as client:
             await client.hold_for(2.0)
@@ -439,10 +439,10 @@ async def test_statuses_are_the_latest_and_bounded(bench: Bench) -> None:
 async def test_role_ticket_and_origin_are_checked_before_it_is_accepted(tmp_path: Path) -> None:
     secrets = {role: add_token(tmp_path / "tokens", f"may-{role.word}", role) for role in Role}
     audit = tmp_path / "audit.jsonl"
-    settings = Settings.model_validate(
+    configuration = Configuration.model_validate(
         {"server": {"token_file": tmp_path / "tokens"}, "audit": {"file": audit}}
     )
-    async with running(settings) as bench:
+    async with running(configuration) as bench:
         await bench.until_ready()
         move = {"Authorization": f"Bearer {secrets[Role.MOVE]}"}
         for headers in ({}, {"authorization": f"Bearer {secrets[Role.STOP]}"}):

@@ -13,7 +13,7 @@ from fastapi.routing import APIRoute
 
 from app.access.roles import DRY_RUNS, needs_lease
 from app.axes.deps import every_axis, get_axis, get_node
-from app.configuration.configuration import AuditSettings, Settings
+from app.configuration.configuration import AuditConfiguration, Configuration
 from app.leases.book import Lease
 from app.leases.leases import LeaseEnd
 from app.main import create_app
@@ -191,7 +191,7 @@ async def test_released_it_stops_what_runs_only_if_asked(bench: Bench, method: s
 
 async def test_a_take_over_stops_what_runs_and_is_told_everywhere(tmp_path: Path) -> None:
     audit = tmp_path / "audit.log"
-    async with running(Settings(audit=AuditSettings(file=audit))) as bench:
+    async with running(Configuration(audit=AuditConfiguration(file=audit))) as bench:
         await bench.until_ready()
         await bench.enable("0", "1")
         hers = await take(bench, X, Y, owner="anna")
@@ -301,7 +301,7 @@ def test_every_command_about_axes_looks_for_leases() -> None:
         calls = (get_axis, get_node, every_axis, get_starter)
         return any(each.call in calls or looks(each) for each in dependant.dependencies)
 
-    routes = [each for each in create_app(Settings()).routes if isinstance(each, APIRoute)]
+    routes = [each for each in create_app(Configuration()).routes if isinstance(each, APIRoute)]
     commands = [
         each
         for each in routes
@@ -313,7 +313,7 @@ def test_every_command_about_axes_looks_for_leases() -> None:
 
 
 def test_what_a_dry_run_makes_a_look_are_the_routes_that_have_one() -> None:
-    routes = [each for each in create_app(Settings()).routes if isinstance(each, APIRoute)]
+    routes = [each for each in create_app(Configuration()).routes if isinstance(each, APIRoute)]
     have = {each.path for each in routes if any(p.alias == "dry_run" for p in each.dependant.query_params)}
     assert have == DRY_RUNS
 

@@ -7,7 +7,7 @@ import asyncio
 import pytest
 from api_bench import Bench, never_begun, running
 
-from app.configuration.configuration import Settings
+from app.configuration.configuration import Configuration
 from app.operations.register import KEPT
 
 pytestmark = pytest.mark.looptime
@@ -98,7 +98,7 @@ async def test_homing_where_it_stands_references_the_axis(bench: Bench) -> None:
 
 
 async def test_units_are_the_axis_own_or_steps() -> None:
-    settings = Settings.model_validate(
+    configuration = Configuration.model_validate(
         {
             "nodes": [
                 {
@@ -109,7 +109,7 @@ async def test_units_are_the_axis_own_or_steps() -> None:
             ]
         }
     )
-    async with running(settings) as bench:
+    async with running(configuration) as bench:
         await bench.until_ready()
         await bench.enable("x")
         body = {"target": 12.3456, "unit": "mm", "velocity": 40.0, "acceleration": 100.0}
@@ -127,7 +127,7 @@ async def test_units_are_the_axis_own_or_steps() -> None:
         assert "mm" in refused.json()["hint"]
 
 
-GEARED = Settings.model_validate(
+GEARED = Configuration.model_validate(
     {
         "nodes": [
             {

@@ -11,7 +11,7 @@ import httpx
 import pytest
 from api_bench import Bench, running
 
-from app.configuration.configuration import Settings
+from app.configuration.configuration import Configuration
 from drivers.master.axis.waiting_line import LONGEST
 
 pytestmark = pytest.mark.looptime
@@ -174,7 +174,7 @@ async def test_a_dry_run_of_each_kind_and_each_choice(bench: Bench) -> None:
 async def between(low: int, high: int) -> AsyncIterator[Bench]:
     """A service whose axis 0 stands, enabled, at 0, and may be sent to `low`..`high` steps."""
     axes = [{"name": "x", "soft_limits": [low, high]}, {"name": "y"}]
-    settings = Settings.model_validate({"nodes": [{"id": 1, "name": "stage", "axes": axes}]})
+    settings = Configuration.model_validate({"nodes": [{"id": 1, "name": "stage", "axes": axes}]})
     async with running(settings) as bench:
         await bench.until_ready()
         await bench.enable("0", "1")

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import pytest
 from api_bench import Bench, never_begun, running
 
-from app.configuration.configuration import Settings, StoreSettings
+from app.configuration.configuration import Configuration, StoreConfiguration
 from app.operations.register import OperationRegister
 from app.store.database import Database
 from app.store.sqlite import Statement
@@ -20,8 +20,8 @@ from app.store.sqlite import Statement
 pytestmark = pytest.mark.looptime
 
 
-def settings(path: Path, **more: object) -> Settings:
-    return Settings(store=StoreSettings(file=path, **more))  # pyright: ignore[reportArgumentType]
+def configuration(path: Path, **more: object) -> Configuration:
+    return Configuration(store=StoreConfiguration(file=path, **more))  # pyright: ignore[reportArgumentType]
 
 
 @pytest.fixture
@@ -31,19 +31,19 @@ def path(tmp_path: Path) -> Path:
 
 @pytest.fixture
 async def bench(path: Path) -> AsyncIterator[Bench]:
-    async with running(settings(path)) as bench:
+    async with running(configuration(path)) as bench:
         await bench.until_ready()
         await bench.enable()
         yield bench
 
 
 async def test_what_ended_is_told_after_a_restart_with_its_evidence(path: Path) -> None:
-    async with running(settings(path)) as bench:
+    async with running(configuration(path)) as bench:
         await bench.until_ready()
         await bench.enable()
         before = (await bench.move(3000, wait=20)).json()
         assert before["state"] == "succeeded"
-    async with running(settings(path)) as bench:
+    async with running(configuration(path)) as bench:
         after = (await bench.get(f"/operations/{before['id']}")).json()
         listed = (await bench.get("/operations")).json()["operations"]
     assert after == before == listed[0]
@@ -77,18 +77,18 @@ async def test_a_refused_command_leaves_no_operation_behind(bench: Bench) -> Non
 
 
 async def test_what_ran_when_the_service_died_has_failed_and_says_what_was_found(path: Path) -> None:
-    async with running(settings(path)) as bench:
+    async with running(configuration(path)) as bench:
         await bench.until_ready()
         await bench.enable()
         operation = (await bench.move(900_000)).json()
         await bench.until_moving()
         rows = await bench.service.store.rows("SELECT document, key FROM operations")
         # The end of this service is a clean one; what a killed one would have left is put in its place.
-    async with running(settings(path)) as bench:
+    async with running(configuration(path)) as bench:
         await bench.service.store.commit(
             Statement("UPDATE operations SET state = 'running', ended = NULL, document = ?", (rows[0][0],))
         )
-    async with running(settings(path)) as bench:
+    async with running(configuration(path)) as bench:
         assert bench.service.finder is not None
         await bench.service.finder
         told = (await bench.get(f"/operations/{operation['id']}")).json()
@@ -105,12 +105,12 @@ RELATIVE = {"target": 1000, "relative": True, "unit": "steps"}
 
 async def test_a_key_is_heeded_after_a_restart(path: Path) -> None:
     key = {"Idempotency-Key": "k"}
-    async with running(settings(path)) as bench:
+    async with running(configuration(path)) as bench:
         await bench.until_ready()
         await bench.enable()
         first = await bench.post("/nodes/1/axes/0/move?wait=20", RELATIVE, headers=key)
         assert first.json()["state"] == "succeeded"
-    async with running(settings(path)) as bench:
+    async with running(configuration(path)) as bench:
         await bench.until_ready()
         await bench.enable()
         again = await bench.post("/nodes/1/axes/0/move?wait=20", RELATIVE, headers=key)
@@ -132,7 +132,7 @@ async def test_a_key_in_flight_at_the_end_is_answered_with_its_operation(bench: 
         old.backup(copy)
     old.close()
     copy.close()
-    async with running(settings(path.with_name("copy.db"))) as following:
+    async with running(configuration(path.with_name("copy.db"))) as following:
         again = await following.post("/nodes/1/axes/0/move", RELATIVE, headers=key)
         assert again.headers["idempotent-replayed"] == "true"
         assert again.headers["location"] == f"/api/v1/operations/{operation['id']}"
@@ -210,7 +210,7 @@ async def test_what_the_store_missed_is_written_when_it_is_back(bench: Bench, tm
 
 
 async def test_old_ones_are_pruned_by_age_and_by_number(path: Path) -> None:
-    async with running(settings(path, keep_operations=3, keep_days=1)) as bench:
+    async with running(configuration(path, keep_operations=3, keep_days=1)) as bench:
         await bench.until_ready()
         await bench.enable()
         ids = [(await bench.move(100 * n, wait=20)).json()["id"] for n in range(1, 6)]
@@ -232,7 +232,7 @@ async def test_fencing_tokens_rise_over_restarts_even_if_the_clock_goes_back(
     token = "of nobody"
     for wall in (2e9, 1.9e9):
         monkeypatch.setattr("app.leases.leases.time", SimpleNamespace(time=lambda wall=wall: wall))
-        async with running(settings(path)) as bench:
+        async with running(configuration(path)) as bench:
             await bench.until_ready()
             old = await bench.post("/nodes/1/axes/0/enable", headers={"Lease": token})
             assert (old.status_code, old.json()["code"]) == (423, "lease_lost")

@@ -10,11 +10,12 @@ from typing import Any
 import pytest
 from api_bench import Bench, running
 
-from app.configuration.configuration import AxisSettings, NodeSettings, Settings, StoreSettings
+from app.configuration.axes import AxisSettings
+from app.configuration.configuration import Configuration, NodeSettings, StoreConfiguration
 
 pytestmark = pytest.mark.looptime
 
-MM = Settings(
+MM = Configuration(
     nodes=(
         NodeSettings(
             id=1,
@@ -223,11 +224,11 @@ async def test_bodies_and_names_that_can_t_be_are_422(homed: Bench) -> None:
 
 async def test_positions_outlive_the_service_and_a_broken_store(tmp_path: Path) -> None:
     path = tmp_path / "store" / "canaxis.db"
-    settings = MM.model_copy(update={"store": StoreSettings(file=path)})
-    async with running(settings) as bench:
+    configuration = MM.model_copy(update={"store": StoreConfiguration(file=path)})
+    async with running(configuration) as bench:
         await bench.until_ready()
         taught = (await teach(bench, "park", {"position": 3, "unit": "mm"})).json()
-    async with running(settings) as bench:
+    async with running(configuration) as bench:
         await bench.until_ready()
         assert (await bench.get(f"{POSITIONS}/park")).json() == taught
         store = bench.service.store
@@ -247,7 +248,7 @@ async def test_positions_outlive_the_service_and_a_broken_store(tmp_path: Path) 
 
 async def test_positions_that_could_never_be_read_are_not_said_to_be_none(tmp_path: Path) -> None:
     (tmp_path / "canaxis.db").mkdir()
-    settings = MM.model_copy(update={"store": StoreSettings(file=tmp_path / "canaxis.db")})
-    async with running(settings) as bench:
+    configuration = MM.model_copy(update={"store": StoreConfiguration(file=tmp_path / "canaxis.db")})
+    async with running(configuration) as bench:
         listed = await bench.get(POSITIONS)
         assert (listed.status_code, listed.json()["code"]) == (503, "store_off")

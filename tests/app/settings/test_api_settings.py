@@ -10,7 +10,7 @@ import pytest
 import yaml
 from api_bench import Bench, running
 
-from app.configuration.configuration import Settings
+from app.configuration.configuration import Configuration
 from drivers.cia301.objects import Address
 
 pytestmark = pytest.mark.looptime
@@ -19,13 +19,13 @@ PATH = "/api/v1/nodes/1/axes/x/settings"
 X = {"name": "x", "unit": "mm", "pitch": "5 mm", "velocity": 10, "soft_limits": [0, "120 mm"]}
 
 
-def settings_of(*axes: dict[str, Any], store: Path | None = None) -> Settings:
-    return Settings.model_validate(
+def settings_of(*axes: dict[str, Any], store: Path | None = None) -> Configuration:
+    return Configuration.model_validate(
         {"nodes": [{"id": 1, "name": "stage", "axes": list(axes) or [X]}], "store": {"file": store}}
     )
 
 
-async def settings(bench: Bench) -> tuple[dict[str, Any], str]:
+async def configuration(bench: Bench) -> tuple[dict[str, Any], str]:
     """The settings of x, and their ETag."""
     response = await bench.client.get(PATH)
     assert response.status_code == 200, response.text
@@ -47,7 +47,7 @@ def mm(value: float) -> dict[str, Any]:
 async def test_every_setting_has_its_unit_its_source_and_its_object() -> None:
     async with running(settings_of()) as bench:
         await bench.until_ready()
-        told, _ = await settings(bench)
+        told, _ = await configuration(bench)
         assert told["settings"]["velocity"] == {"value": 10, "unit": "mm/s"}
         assert told["settings"]["soft_limits"] == [mm(0), mm(120)]
         assert told["settings"]["acceleration"] == {"value": 10, "unit": "mm/s2"}, "a default, in mm"
@@ -71,7 +71,7 @@ async def test_every_setting_has_its_unit_its_source_and_its_object() -> None:
 async def test_a_patch_is_written_read_back_and_gone_by_at_once() -> None:
     async with running(settings_of()) as bench:
         await bench.until_ready()
-        _, tag = await settings(bench)
+        _, tag = await configuration(bench)
         body = {
             "velocity": "20 mm/s", "max_velocity": {"value": 30_000, "unit": "um/s"},
             "soft_limits": [mm(0), mm(50)], "run_current": {"value": 60, "unit": "%"},
@@ -95,12 +95,12 @@ async def test_a_patch_is_written_read_back_and_gone_by_at_once() -> None:
 
 
 async def test_a_change_is_made_from_what_is_there_or_not_at_all(bench: Bench) -> None:
-    _, tag = await settings(bench)
+    _, tag = await configuration(bench)
     assert (await patch(bench, {"homing_method": 17}, None)).json()["code"] == "precondition_required"
     assert (await patch(bench, {"homing_method": 17}, tag)).status_code == 200
     late = await patch(bench, {"homing_method": 18}, tag)
     assert (late.status_code, late.json()["code"]) == (412, "precondition_failed")
-    assert (await settings(bench))[0]["settings"]["homing_method"] == 17
+    assert (await configuration(bench))[0]["settings"]["homing_method"] == 17
 
 
 STEPS_S = {"unit": "steps/s"}
@@ -133,7 +133,7 @@ BROKEN = [
 
 
 async def test_what_breaks_a_rule_is_refused_by_its_name_and_changes_nothing(bench: Bench) -> None:
-    told, tag = await settings(bench)
+    told, tag = await configuration(bench)
     for body, rule in BROKEN:
         response = await patch(bench, body)
         assert response.status_code == 422, (body, response.text)
@@ -141,8 +141,8 @@ async def test_what_breaks_a_rule_is_refused_by_its_name_and_changes_nothing(ben
         assert problem["hint"]
         if rule is not None:
             assert rule in [error["rule"] for error in problem["errors"]], problem
-    assert (await settings(bench))[0]["settings"] == told["settings"]
-    assert (await settings(bench))[1] == tag
+    assert (await configuration(bench))[0]["settings"] == told["settings"]
+    assert (await configuration(bench))[1] == tag
 
 
 async def test_a_moving_axis_keeps_its_settings_and_units_need_it_disabled() -> None:
@@ -174,7 +174,7 @@ async def test_a_store_that_can_t_keep_them_leaves_the_old_ones(bench: Bench) ->
     response = await patch(bench, {"velocity": "777 steps/s"})
     assert (response.status_code, response.json()["code"]) == (503, "history_off")
     assert await held(bench, 0x6081) == before
-    assert (await settings(bench))[0]["revision"] == 0
+    assert (await configuration(bench))[0]["revision"] == 0
     del bench.service.store.commit
     assert (await patch(bench, {"velocity": "777 steps/s"})).json()["revision"] == 1
 
@@ -188,7 +188,7 @@ async def test_the_newest_revision_goes_over_the_file_at_the_next_start(tmp_path
     changed = {**X, "unit": "um", "velocity": "3 mm/s", "homing_method": 19}
     async with running(settings_of(changed, store=store)) as bench:
         await bench.until_ready()
-        told, _ = await settings(bench)
+        told, _ = await configuration(bench)
         assert told["revision"] == 2
         assert told["settings"]["velocity"] == {"value": 20, "unit": "mm/s"}, (
             "mm/s whatever the file's unit is"
@@ -197,9 +197,9 @@ async def test_the_newest_revision_goes_over_the_file_at_the_next_start(tmp_path
         assert (await held(bench, 0x6081), await held(bench, 0x2003)) == (204_800, 153)
         done = await bench.post("/settings/rollback", {"revision": 1})
         assert done.json()["revision"] == 3
-        assert (await settings(bench))[0]["sources"]["acceleration"] == "default"
+        assert (await configuration(bench))[0]["sources"]["acceleration"] == "default"
         done = await bench.post("/settings/rollback", {"revision": 0})
-        assert (await settings(bench))[0]["settings"]["velocity"] == {"value": 3, "unit": "mm/s"}
+        assert (await configuration(bench))[0]["settings"]["velocity"] == {"value": 3, "unit": "mm/s"}
         assert (await bench.post("/settings/rollback", {"revision": 99})).json()["code"] == "unknown_revision"
         listed = (await bench.get("/settings/revisions")).json()
         assert [(one["revision"], one["what"]) for one in listed["revisions"]] == [
@@ -216,12 +216,12 @@ async def test_kept_settings_that_no_longer_fit_leave_the_file_alone_and_say_so(
         await patch(bench, {"velocity": "20 mm/s"})
     async with running(settings_of({"name": "x"}, store=store)) as bench:  # no pitch: no mm any more
         await bench.until_ready()
-        told, _ = await settings(bench)
+        told, _ = await configuration(bench)
         assert "mm/s" in told["problem"]
         assert told["settings"]["velocity"] == {"value": 51_200, "unit": "steps/s"}
         assert (await patch(bench, {"velocity": "5 steps/s"})).json()["code"] == "history_off"
         assert (await bench.post("/settings/rollback", {"revision": 0})).json()["revision"] == 2
-        assert (await settings(bench))[0]["problem"] is None
+        assert (await configuration(bench))[0]["problem"] is None
 
 
 async def test_a_document_is_exported_compared_and_applied_all_or_nothing() -> None:

@@ -14,7 +14,7 @@ import httpx
 import pytest
 from api_bench import Bench
 
-from app.configuration.configuration import Settings
+from app.configuration.configuration import Configuration
 from app.trajectories import routes
 from drivers.master.together.trajectory_file import PointFile
 
@@ -234,8 +234,8 @@ async def test_a_body_beyond_the_limit_is_cut_off(bench: Bench) -> None:
     del bench  # another service, with less room
     from api_bench import running
 
-    settings = Settings.model_validate({"trajectories": {"max_bytes": 2000}})
-    async with running(settings) as small:
+    configuration = Configuration.model_validate({"trajectories": {"max_bytes": 2000}})
+    async with running(configuration) as small:
         told = await refused(small, b" " * 2001, "body_too_large")
         assert "2000" in told["detail"]
 

@@ -8,7 +8,7 @@ import httpx
 import pytest
 from openapi_spec_validator import OpenAPIV31SpecValidator, validate
 
-from app.configuration.configuration import Settings
+from app.configuration.configuration import Configuration
 from app.panel.application import create_panel
 from drivers.devices.catalog import Catalog
 from drivers.sim.panel import COMMANDS
@@ -150,4 +150,4 @@ async def test_the_documentation_has_each_command_with_its_limits(http: httpx.As
 def test_the_service_itself_has_no_panel() -> None:
     from app.main import create_app
 
-    assert not [path for path in create_app(Settings()).openapi()["paths"] if "panel" in path]
+    assert not [path for path in create_app(Configuration()).openapi()["paths"] if "panel" in path]

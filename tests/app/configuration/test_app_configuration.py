@@ -8,8 +8,10 @@ import pytest
 
 from app.commands.serve import parse_node, parse_option
 from app.commands.simulate import parse_nodes
-from app.configuration.configuration import AxisSettings, Settings, SettingsError
-from app.configuration.loading import load_settings
+from app.configuration.axes import AxisSettings
+from app.configuration.configuration import Configuration
+from app.configuration.loading import load_configuration
+from app.configuration.sections import ConfigurationError
 from app.main import create_app
 
 TOKEN = "0f1e2d3c4b5a69788796a5b4c3d2e1f0"
@@ -26,10 +28,10 @@ def write(path: Path, text: str) -> Path:
 
 
 def test_defaults_serve_the_simulator_on_this_machine() -> None:
-    settings = load_settings()
-    assert settings.bus.arguments() == {"interface": "socketcand", "channel": "can0", "bitrate": None}
-    assert (settings.server.host, settings.server.port) == ("127.0.0.1", 8402)
-    [node] = settings.network_config().nodes
+    configuration = load_configuration()
+    assert configuration.bus.arguments() == {"interface": "socketcand", "channel": "can0", "bitrate": None}
+    assert (configuration.server.host, configuration.server.port) == ("127.0.0.1", 8402)
+    [node] = configuration.network_config().nodes
     assert (node.node_id, node.model) == (1, "TMCM-3216")
     assert [axis.name for axis in node.axes] == ["x", "y", "z"]
 
@@ -42,8 +44,8 @@ def test_defaults_serve_the_simulator_on_this_machine() -> None:
     ],
 )
 def test_a_file_speaks_python_cans_words(tmp_path: Path, name: str, text: str) -> None:
-    settings = load_settings(write(tmp_path / name, text))
-    assert settings.bus.arguments() == {"interface": "socketcan", "channel": "can1", "bitrate": 500000}
+    configuration = load_configuration(write(tmp_path / name, text))
+    assert configuration.bus.arguments() == {"interface": "socketcan", "channel": "can1", "bitrate": 500000}
 
 
 def test_the_command_line_goes_over_the_environment_over_the_file(
@@ -52,7 +54,7 @@ def test_the_command_line_goes_over_the_environment_over_the_file(
     write(tmp_path / "canaxis.yaml", "server: {port: 1001, host: 127.0.0.2, max_streams: 3}")
     monkeypatch.setenv("CANAXIS_SERVER__PORT", "1002")
     monkeypatch.setenv("CANAXIS_SERVER__HOST", "127.0.0.3")
-    server = load_settings(None, {"server": {"port": 1003}}).server
+    server = load_configuration(None, {"server": {"port": 1003}}).server
     assert (server.port, server.host, server.max_streams) == (1003, "127.0.0.3", 3)
 
 
@@ -67,24 +69,25 @@ def test_the_command_line_goes_over_the_environment_over_the_file(
         ("nodes: [{id: 1, name: a}, {id: 1, name: b}]", "same id"),
         ("nodes: [{id: 1, name: a, axes: [{name: x, unit: mm, steps_per_unit: 0}]}]", "steps_per_unit"),
         ("[1, 2]", "mapping"),
+        ("server: 5", "server: a mapping"),
         ("server: {", "canaxis.yaml"),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path: Path, text: str, named: str) -> None:
-    with pytest.raises(SettingsError, match=named):
-        load_settings(write(tmp_path / "canaxis.yaml", text))
+    with pytest.raises(ConfigurationError, match=named):
+        load_configuration(write(tmp_path / "canaxis.yaml", text))
 
 
 @pytest.mark.parametrize("name", ["CANAXIS_SEVER__PORT", "CANAXIS_SERVER__TOKN"])
 def test_an_unknown_environment_variable_is_named(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     monkeypatch.setenv(name, "x")
-    with pytest.raises(SettingsError, match=r"SEVER|tokn"):
-        load_settings()
+    with pytest.raises(ConfigurationError, match=r"SEVER|tokn"):
+        load_configuration()
 
 
 def test_a_missing_file_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(SettingsError, match=r"nowhere\.yaml"):
-        load_settings(tmp_path / "nowhere.yaml")
+    with pytest.raises(ConfigurationError, match=r"nowhere\.yaml"):
+        load_configuration(tmp_path / "nowhere.yaml")
 
 
 def test_lengths_are_in_the_axis_unit() -> None:
@@ -100,48 +103,48 @@ def test_lengths_are_in_the_axis_unit() -> None:
 
 
 def test_what_the_drivers_refuse_names_the_axis() -> None:
-    settings = Settings.model_validate(
+    configuration = Configuration.model_validate(
         {"nodes": [{"id": 1, "name": "a", "axes": [{"name": "q", "velocity": 1e9}]}]}
     )
-    with pytest.raises(SettingsError, match="'q'"):
-        settings.network_config()
+    with pytest.raises(ConfigurationError, match="'q'"):
+        configuration.network_config()
 
 
 def test_another_address_needs_a_token(tmp_path: Path) -> None:
-    with pytest.raises(SettingsError, match="token"):
-        load_settings(None, {"server": {"host": "0.0.0.0"}}).check_exposure()
-    load_settings(None, {"server": {"host": "0.0.0.0", "token": TOKEN}}).check_exposure()
+    with pytest.raises(ConfigurationError, match="token"):
+        load_configuration(None, {"server": {"host": "0.0.0.0"}}).check_exposure()
+    load_configuration(None, {"server": {"host": "0.0.0.0", "token": TOKEN}}).check_exposure()
     for host in ("127.0.0.9", "localhost", "::1"):
-        load_settings(None, {"server": {"host": host}}).check_exposure()
+        load_configuration(None, {"server": {"host": host}}).check_exposure()
 
 
 @pytest.mark.parametrize(
     "host", ["::", "", "192.168.1.5", "lab-pc", "127.0.0.1.evil.example", "::ffff:1.2.3.4"]
 )
 def test_no_address_that_others_reach_goes_without_a_token(host: str) -> None:
-    with pytest.raises(SettingsError, match="token"):
-        load_settings(None, {"server": {"host": host}}).check_exposure()
+    with pytest.raises(ConfigurationError, match="token"):
+        load_configuration(None, {"server": {"host": host}}).check_exposure()
 
 
 @pytest.mark.parametrize("token", ["0123456789abcdef", "a" * 40, "0f1e2d3c 4b5a69788796a5b4c3d2", "ö" * 22])
 def test_a_token_that_could_be_guessed_is_refused_and_not_shown(token: str) -> None:
-    with pytest.raises(SettingsError, match=r"server\.token: ") as caught:
-        load_settings(None, {"server": {"token": token}})
+    with pytest.raises(ConfigurationError, match=r"server\.token: ") as caught:
+        load_configuration(None, {"server": {"token": token}})
     assert token not in str(caught.value)
 
 
 def test_settings_with_a_token_must_be_private(tmp_path: Path) -> None:
     file = write(tmp_path / "canaxis.yaml", "server: {token: 0f1e2d3c4b5a69788796a5b4c3d2e1f0}\n")
     file.chmod(0o644)
-    with pytest.raises(SettingsError, match="chmod 600"):
-        load_settings(file)
+    with pytest.raises(ConfigurationError, match="chmod 600"):
+        load_configuration(file)
     file.chmod(0o600)
-    assert load_settings(file).server.has_token
+    assert load_configuration(file).server.has_token
 
 
 def test_the_token_is_not_shown() -> None:
-    settings = load_settings(None, {"server": {"token": TOKEN}})
-    assert TOKEN not in repr(settings)
+    configuration = load_configuration(None, {"server": {"token": TOKEN}})
+    assert TOKEN not in repr(configuration)
 
 
 def test_command_line_texts() -> None:
@@ -156,7 +159,7 @@ def test_command_line_texts() -> None:
         (parse_nodes, "0"),
         (parse_nodes, "5-3"),
     ):
-        with pytest.raises(SettingsError):
+        with pytest.raises(ConfigurationError):
             parse(text)
 
 
@@ -169,8 +172,8 @@ def test_command_line_texts() -> None:
     ],
 )
 def test_what_can_never_be_a_bus_is_refused_before_anything_runs(bus: dict[str, object], words: str) -> None:
-    with pytest.raises(SettingsError, match=words):
-        create_app(Settings.model_validate({"bus": bus}))
+    with pytest.raises(ConfigurationError, match=words):
+        create_app(Configuration.model_validate({"bus": bus}))
 
 
 @pytest.mark.parametrize(
@@ -181,6 +184,6 @@ def test_what_can_never_be_a_bus_is_refused_before_anything_runs(bus: dict[str, 
     ],
 )
 def test_what_no_module_can_be_is_refused_before_anything_runs(node: dict[str, object], words: str) -> None:
-    settings = Settings.model_validate({"nodes": [{"id": 1, "name": "stage", **node}]})
-    with pytest.raises(SettingsError, match=words):
-        create_app(settings)
+    configuration = Configuration.model_validate({"nodes": [{"id": 1, "name": "stage", **node}]})
+    with pytest.raises(ConfigurationError, match=words):
+        create_app(configuration)
