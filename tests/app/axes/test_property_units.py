@@ -13,6 +13,7 @@ from app.moves.meant import Meant
 from drivers.master.axis.axis import Axis
 from drivers.master.plan.configuration import INT32_MAX, INT32_MIN, AxisConfig
 from drivers.master.plan.gearing import Gearing, exact
+from drivers.master.plan.requests import OnBusy
 
 STEPS = st.integers(INT32_MIN, INT32_MAX)
 RATIOS = st.fractions(Fraction(1, 10**6), 10**6, max_denominator=10**6)
@@ -53,14 +54,19 @@ def test_what_is_commanded_is_at_most_half_a_step_from_what_was_asked(
     assert abs(float(missing) - told["rounded_by"] * float(scale.ratio)) < 1e-6
 
 
+def standing_at(position: int) -> Mock:
+    axis = Mock(spec=Axis, last=None)
+    axis.status.position, axis.status.moving = position, False
+    return axis
+
+
 @given(st.lists(st.fractions(-10, 10, max_denominator=97), min_size=1, max_size=50), STEPS)
 def test_relative_moves_never_drift_from_the_sum_of_what_was_asked(
     distances: list[Fraction], start: int
 ) -> None:
-    meant, axis = Meant(), Mock(spec=Axis)
-    axis.status.position = start
+    meant, axis = Meant(), standing_at(start)
     for distance in distances:
-        steps, aim = meant.target(axis, distance, relative=True)
+        steps, aim = meant.target(axis, distance, OnBusy.REJECT, relative=True)
         meant.sent(axis, aim)
         axis.status.position += steps
     assert abs(axis.status.position - start - sum(distances)) <= Fraction(1, 2)
@@ -68,9 +74,11 @@ def test_relative_moves_never_drift_from_the_sum_of_what_was_asked(
 
 @given(STEPS, st.integers(1, 100))
 def test_an_axis_that_was_moved_otherwise_starts_from_where_it_stands(start: int, elsewhere: int) -> None:
-    meant, axis = Meant(), Mock(spec=Axis)
-    axis.status.position = start
-    _, aim = meant.target(axis, Fraction(1, 3), relative=True)
+    meant, axis = Meant(), standing_at(start)
+    _, aim = meant.target(axis, Fraction(1, 3), OnBusy.REJECT, relative=True)
     meant.sent(axis, aim)
     axis.status.position = start + elsewhere
-    assert meant.target(axis, Fraction(1, 3), relative=True) == (0, start + elsewhere + Fraction(1, 3))
+    assert meant.target(axis, Fraction(1, 3), OnBusy.REJECT, relative=True) == (
+        0,
+        start + elsewhere + Fraction(1, 3),
+    )
