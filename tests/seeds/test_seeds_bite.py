@@ -97,12 +97,12 @@ def the_others_of_a_group_are_forgotten_when_it_is_over(patch: pytest.MonkeyPatc
     abort = GroupMotion._abort
 
     def forgetful(self: GroupMotion, *why: Any) -> None:
-        axes = self.axes
-        self.axes = ()
+        axes = self._axes
+        self._axes = ()
         try:
             abort(self, *why)
         finally:
-            self.axes = axes
+            self._axes = axes
 
     patch.setattr(GroupMotion, "_abort", forgetful)
 
