@@ -7,9 +7,7 @@ import functools
 import inspect
 import os
 from collections.abc import AsyncIterator, Callable, Mapping
-from typing import Any
 
-import aiosqlite
 import looptime
 import pytest
 from hypothesis import HealthCheck, settings
@@ -58,25 +56,3 @@ def _virtual_loop() -> asyncio.AbstractEventLoop:
     loop = looptime.new_event_loop()
     loop.setup_looptime(noop_cycles=0)
     return loop
-
-
-_execute = aiosqlite.Connection._execute
-
-
-async def _execute_in_real_time(self: aiosqlite.Connection, *args: Any, **options: Any) -> Any:
-    """Hold the virtual clock back while SQLite's thread works, as looptime does for executors.
-
-    Left alone it would jump to the next timer, which is the store's patience: SQLite would always be late.
-    """
-    at_work = getattr(asyncio.get_running_loop(), "_LoopTimeEventLoop__sync_futures", None)
-    if at_work is None:
-        return await _execute(self, *args, **options)
-    working = asyncio.get_running_loop().create_future()
-    at_work.add(working)
-    try:
-        return await _execute(self, *args, **options)
-    finally:
-        working.cancel()
-
-
-aiosqlite.Connection._execute = _execute_in_real_time  # type: ignore[method-assign]

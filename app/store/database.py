@@ -10,10 +10,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import os
 import sqlite3
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,6 +29,7 @@ CAPACITY = 20_000
 """Jobs that may wait for the disk; more are dropped, and counted."""
 BATCH = 256
 """Jobs in one transaction."""
+
 log: structlog.stdlib.BoundLogger = structlog.get_logger("canaxis.store")
 
 
@@ -72,27 +72,43 @@ class Database:
         self._jobs: deque[_Job] = deque()
         self._wake = asyncio.Event()
         self._worker: asyncio.Task[None] | None = None
-        self._lock: int | None = None
         self._closing = False
 
     async def open(self) -> None:
-        """Open or make the file and bring its schema up to date. Never raises: `health` says how it went."""
-        await self._try_open()
+        """Open or make the file and bring its schema up to date. Never raises: `health` says how it went.
+
+        If it is cancelled, there is nothing to be closed.
+        """
+        try:
+            await self._try_open()
+        except BaseException:
+            self._abandon()
+            raise
         self._worker = asyncio.create_task(self._work(), name="store")
 
     async def close(self) -> None:
-        """Write what waits, at most for `PATIENCE`, then close."""
+        """Write what waits, then close the file, each at most for `PATIENCE`. Idempotent.
+
+        A disk that takes longer is left to itself, and so is any if this is cancelled: what it has not taken
+        may be missing then, but nothing of it reaches the event loop any more or keeps the process alive.
+        """
         self._closing = True
         self._wake.set()
-        if self._worker is not None:
-            # Whatever became of the worker: a connection left open keeps the process from ending.
-            await asyncio.wait({self._worker}, timeout=self._patience)
-            self._worker.cancel()
-            await asyncio.wait({self._worker})
-            self._worker = None
+        worker = self._worker
+        try:
+            if worker is not None:
+                await asyncio.wait({worker}, timeout=self._patience)
+                worker.cancel()
+                await asyncio.wait({worker})  # at once: what it waited for goes on without it
+        except asyncio.CancelledError:
+            if worker is not None:
+                worker.cancel()
+            self._abandon()
+            raise
+        finally:
+            self._turn_away()
+            self.health = Health(False, "The store is closed.")
         await self._disconnect()
-        self._turn_away()
-        self.health = Health(False, "The store is closed.")
 
     # --- for its users ---
 
@@ -176,13 +192,19 @@ class Database:
                         job.done.set_result(True)
             if not self.health.on:  # it was only slow
                 self._turn_on()
+        except asyncio.CancelledError:
+            self._give_up(batch, "The store was closed before the disk answered.")
+            raise
         except (sqlite3.Error, OSError) as error:
-            self.dropped += sum(job.question is None for job in batch)
             reason = f"The store can't be used: {error}."
-            for job in batch:
-                _refuse(job, reason)
+            self._give_up(batch, reason)
             self._turn_off(reason)
             await self._disconnect()
+
+    def _give_up(self, jobs: Iterable[_Job], reason: str) -> None:
+        for job in jobs:
+            self.dropped += job.question is None
+            _refuse(job, reason)
 
     async def _come_back(self) -> None:
         """Wait, then try to open the file again."""
@@ -201,14 +223,14 @@ class Database:
     def _turn_away(self) -> None:
         """What waits for a store that is off is not written."""
         while self._jobs:
-            self.dropped += 1
-            _refuse(self._jobs.popleft(), self.health.reason)
+            self._give_up([self._jobs.popleft()], self.health.reason)
 
     # --- the file ---
 
     async def _try_open(self) -> None:
         try:
-            self._connection = await self._connect()
+            self._connection = InMemory() if self.path is None else InFile(self.path)
+            await self._connection.open()
             await self._migrate()
         except (sqlite3.Error, OSError) as error:
             await self._disconnect()
@@ -231,25 +253,6 @@ class Database:
             log.error("history is off", reason=reason)
         self.health = Health(False, reason)
 
-    async def _connect(self) -> Connection:
-        if self.path is None:
-            return InMemory()
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        self._take_lock(self.path)
-        return await InFile.open(self.path)
-
-    def _take_lock(self, path: Path) -> None:
-        """One service per file: a second one would end the first one's operations. Raises `OSError`."""
-        try:
-            import fcntl
-        except ImportError:  # Windows: SQLite's own locks must do
-            return
-        self._lock = os.open(path.with_name(path.name + ".lock"), os.O_RDWR | os.O_CREAT, 0o600)
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise OSError("another service uses it") from None
-
     async def _migrate(self) -> None:
         assert self._connection is not None
         ((version,),) = await self._connection.rows(Statement("PRAGMA user_version"))
@@ -263,12 +266,13 @@ class Database:
 
     async def _disconnect(self) -> None:
         connection, self._connection = self._connection, None
+        if connection is not None and not await connection.close(self._patience):
+            log.error("the disk did not let the store be closed in time", patience_s=self._patience)
+
+    def _abandon(self) -> None:
+        connection, self._connection = self._connection, None
         if connection is not None:
-            with contextlib.suppress(sqlite3.Error, OSError, ValueError):
-                await connection.close()
-        if self._lock is not None:
-            os.close(self._lock)
-            self._lock = None
+            connection.abandon()
 
 
 def _refuse(job: _Job, reason: str) -> None:

@@ -49,7 +49,6 @@ SERVERS = {
     *(
         "app",
         "drivers",
-        "aiosqlite",
         "can",
         "canopen",
         "fastapi",
