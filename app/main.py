@@ -102,8 +102,8 @@ def create_app(
         service = Service(configuration, Network(wire, network_config, catalog), issued, trail, keys)
         if on_service is not None:
             on_service(service)
-        await service.open()
         try:
+            await service.open()
             yield service.parts
         finally:
             await service.close()

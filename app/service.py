@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from contextlib import AsyncExitStack
 from typing import TypedDict
 
 import structlog
@@ -125,20 +126,23 @@ class Service:
         await self.bus.open()
 
     async def close(self) -> None:
-        """End streams, let commands end, ramp the axes down, disable them, close the network."""
+        """End streams, let commands end, ramp the axes down, disable them, close the network.
+
+        Also after an `open` that failed or was cancelled. If this is cancelled itself, it still closes all
+        that was opened, each in its own bounds.
+        """
         self.tasks.closing = True
         self.streams.close()
         self.jogs.close()
-        try:
-            await self.bus.close()
-            await _cancelled(self._watcher)
-            self.leases.close()
-            await self.network.close()
-            await self.tasks.close()
-            await _cancelled(self._journal, self.finder)
-        finally:
-            await self.audit.close()
-            await self.store.close()
+        async with AsyncExitStack() as stack:  # the last comes first, and each whatever becomes of the others
+            stack.push_async_callback(self.store.close)
+            stack.push_async_callback(self.audit.close)
+            stack.push_async_callback(_cancelled, self._journal, self.finder)
+            stack.push_async_callback(self.tasks.close)
+            stack.push_async_callback(self.network.close)
+            stack.callback(self.leases.close)
+            stack.push_async_callback(_cancelled, self._watcher)
+            stack.push_async_callback(self.bus.close)
 
     def begin_shutdown(self) -> None:
         """Stop every axis now, refuse new commands, end the streams. Called on the first signal."""
