@@ -1,4 +1,4 @@
-"""What every test gets: a check that it leaves no task behind, a virtual clock, hypothesis's profiles."""
+"""What every test gets: checks for tasks and threads left, a virtual clock, hypothesis's profiles."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from drivers.devices.catalog import Catalog
+
+pytest_plugins = ("threads_left",)
 
 settings.register_profile("dev", deadline=None)
 settings.register_profile(
