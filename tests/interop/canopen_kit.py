@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any, Protocol, TypeVar, cast
 
 import canopen
 from canopen.objectdictionary import ODVariable
@@ -24,6 +25,28 @@ READ_ONLY, NO_OBJECT, NO_SUB, WRONG_STATE = 0x06010002, 0x06020000, 0x06090011, 
 AXES = (0, 1, 2)
 PATIENCE = 5.0
 """Seconds that an SDO answer may take: the machine may be busy with other things."""
+
+RemoteNodeKind = TypeVar("RemoteNodeKind", bound=canopen.RemoteNode)
+
+
+class Entry(Protocol):
+    """An object, or one entry of it: canopen has three types for them, and only the EDS tells which."""
+
+    raw: Any
+    """Read and written by SDO: a number, or the text of a string."""
+
+    def __getitem__(self, sub: int, /) -> Entry: ...
+
+
+class Objects(Protocol):
+    """The object dictionary of a node, read and written by SDO."""
+
+    def __getitem__(self, index: int | str, /) -> Entry: ...
+
+
+def objects(node: canopen.RemoteNode | canopen.LocalNode) -> Objects:
+    """`node.sdo`, for those who know of an object whether it has sub-indices."""
+    return cast("Objects", node.sdo)
 
 
 @contextmanager
@@ -57,8 +80,13 @@ def connected(port: int) -> Iterator[canopen.Network]:
         network.disconnect()
 
 
-def join(network: canopen.Network, node_id: int = 1, kind: type = canopen.RemoteNode) -> canopen.RemoteNode:
+def join(network: canopen.Network, node_id: int = 1) -> canopen.RemoteNode:
     """A node with the whole object dictionary, as canopen reads it from the EDS."""
+    return join_as(canopen.RemoteNode, network, node_id)
+
+
+def join_as(kind: type[RemoteNodeKind], network: canopen.Network, node_id: int) -> RemoteNodeKind:
+    """The same, as one of canopen's more special nodes."""
     node = kind(node_id, canopen.import_od(str(EDS), node_id))
     node.sdo.RESPONSE_TIMEOUT = PATIENCE
     network.add_node(node)
@@ -93,7 +121,9 @@ def entries(od: canopen.ObjectDictionary) -> Iterator[ODVariable]:
 def upload(node: canopen.RemoteNode, index: int, sub: int = 0) -> bytes:
     """All bytes that the node gives: canopen's own `upload` cuts them to the length in the EDS."""
     with node.sdo.open(index, sub, "rb", buffering=0) as stream:
-        return stream.read()
+        data = stream.read()
+    assert isinstance(data, bytes)
+    return data
 
 
 def refusal(node: canopen.RemoteNode, index: int, sub: int, data: bytes, *, segmented: bool = False) -> int:

@@ -14,6 +14,7 @@ import sys
 import threading
 
 import canopen
+from canopen.pdo import PdoMap
 
 STATES = {6: 0x0021, 7: 0x0023, 15: 0x0027}
 VOLTAGE, TARGET_REACHED, BIT_12 = 0x0010, 0x0400, 0x1000
@@ -104,7 +105,7 @@ class Drive:
                 axis.written(base, data)
                 axis.publish()
 
-    def on_rpdo(self, pdo: object) -> None:
+    def on_rpdo(self, pdo: PdoMap) -> None:
         for variable in pdo.map:  # the order of the mapping: the controlword comes first, so act on it last
             if variable.index & 0x7FF != 0x040:
                 self.node.set_data(variable.index, variable.subindex, bytes(variable.data))

@@ -11,13 +11,14 @@ from collections.abc import Iterator
 
 import canopen
 import pytest
-from canopen.lss import LssError
+from canopen.lss import LssError, LssMaster
 from canopen_kit import (
     AXES,
     PATIENCE,
     Axis,
     connected,
     join,
+    objects,
     read_refusal,
     refusal,
     reset,
@@ -70,7 +71,7 @@ def silent(node: canopen.RemoteNode) -> bool:
 
 def heartbeat(node: canopen.RemoteNode) -> None:
     """Of the master."""
-    node.network.send_message(0x700 + MASTER, [5])
+    node.network.send_message(0x700 + MASTER, bytes([5]))
 
 
 def watch(node: canopen.RemoteNode, milliseconds: int) -> None:
@@ -81,7 +82,7 @@ def watch(node: canopen.RemoteNode, milliseconds: int) -> None:
 
 
 def test_each_nmt_command_leads_to_its_state(node: canopen.RemoteNode) -> None:
-    node.sdo[0x1017].raw = 10
+    objects(node)[0x1017].raw = 10
     for command, state in (
         ("OPERATIONAL", OPERATIONAL),
         ("PRE-OPERATIONAL", PRE_OPERATIONAL),
@@ -98,21 +99,21 @@ def test_each_nmt_command_leads_to_its_state(node: canopen.RemoteNode) -> None:
         else:
             assert upload(node, 0x1000)
     for command in ("RESET COMMUNICATION", "RESET"):
-        node.sdo[0x1017].raw = 10
+        objects(node)[0x1017].raw = 10
         states = States(node)
         node.nmt.state = command
         states.wait(0)
         time.sleep(0.03)
         after = states.seen[states.seen.index(0) :]
         assert after == [0], "the heartbeat is off after a reset, as 1017h is 0"
-        assert node.sdo[0x1017].raw == 0
+        assert objects(node)[0x1017].raw == 0
 
 
 def test_a_command_to_all_nodes_counts_and_one_to_another_node_does_not(node: canopen.RemoteNode) -> None:
-    node.sdo[0x1017].raw = 10
+    objects(node)[0x1017].raw = 10
     node.network.nmt.send_command(1)
     States(node).wait(OPERATIONAL)
-    node.network.send_message(0, [2, 7])
+    node.network.send_message(0, bytes([2, 7]))
     time.sleep(0.03)
     states = States(node)
     wait(lambda: len(states.seen) >= 3)
@@ -120,22 +121,22 @@ def test_a_command_to_all_nodes_counts_and_one_to_another_node_does_not(node: ca
 
 
 def test_reset_communication_keeps_what_is_not_communication(node: canopen.RemoteNode) -> None:
-    node.sdo[0x2012].raw = 77
-    node.sdo[0x1015].raw = 5
+    objects(node)[0x2012].raw = 77
+    objects(node)[0x1015].raw = 5
     states = States(node)
     node.nmt.state = "RESET COMMUNICATION"
     states.wait(0)
-    assert (node.sdo[0x2012].raw, node.sdo[0x1015].raw) == (77, 0)
+    assert (objects(node)[0x2012].raw, objects(node)[0x1015].raw) == (77, 0)
     reset(node)
-    assert node.sdo[0x2012].raw == 0
+    assert objects(node)[0x2012].raw == 0
 
 
 def test_the_heartbeat_keeps_its_period(node: canopen.RemoteNode) -> None:
     times: list[float] = []
     node.nmt.add_heartbeat_callback(lambda _: times.append(time.monotonic()))
-    node.sdo[0x1017].raw = 20
+    objects(node)[0x1017].raw = 20
     wait(lambda: len(times) >= 11)
-    node.sdo[0x1017].raw = 0
+    objects(node)[0x1017].raw = 0
     mean = (times[10] - times[0]) / 10
     assert 0.01 < mean < 0.1
     upload(node, 0x1000)
@@ -160,8 +161,8 @@ def test_nmt_stopped_sends_enabled_axes_to_fault_and_no_others(node: canopen.Rem
 
 
 def test_a_lost_heartbeat_is_reported_and_stops_the_node_and_its_axes(node: canopen.RemoteNode) -> None:
-    node.sdo[0x1017].raw = 10
-    assert node.sdo[0x1029][1].raw == 0
+    objects(node)[0x1017].raw = 10
+    assert objects(node)[0x1029][1].raw == 0
     watch(node, 60)
     node.nmt.state = "OPERATIONAL"
     axis = Axis(node, 0)
@@ -180,8 +181,8 @@ def test_a_lost_heartbeat_is_reported_and_stops_the_node_and_its_axes(node: cano
 
 
 def test_1029h_1_keeps_the_node_running(node: canopen.RemoteNode) -> None:
-    node.sdo[0x1017].raw = 10
-    node.sdo[0x1029][1].raw = 1
+    objects(node)[0x1017].raw = 10
+    objects(node)[0x1029][1].raw = 1
     watch(node, 50)
     node.nmt.state = "OPERATIONAL"
     axis = Axis(node, 2)
@@ -193,13 +194,13 @@ def test_1029h_1_keeps_the_node_running(node: canopen.RemoteNode) -> None:
     wait(lambda: len(states.seen) >= 3)
     assert set(states.seen) == {OPERATIONAL}
     assert axis.status & 0x6F == 0x27
-    assert node.sdo[0x1001].raw & 0x10
+    assert objects(node)[0x1001].raw & 0x10
     heartbeat(node)
-    wait(lambda: node.sdo[0x1001].raw == 0)
+    wait(lambda: objects(node)[0x1001].raw == 0)
 
 
 def test_the_reaction_is_one_of_operational_only(node: canopen.RemoteNode) -> None:
-    node.sdo[0x1017].raw = 10
+    objects(node)[0x1017].raw = 10
     watch(node, 50)
     heartbeat(node)
     wait(lambda: bool(node.emcy.log))
@@ -209,9 +210,9 @@ def test_the_reaction_is_one_of_operational_only(node: canopen.RemoteNode) -> No
 
 
 def test_an_application_error_changes_the_nmt_state_only_if_1029h_2_says_so(node: canopen.RemoteNode) -> None:
-    node.sdo[0x1017].raw = 10
+    objects(node)[0x1017].raw = 10
     for value, state in ((1, OPERATIONAL), (0, STOPPED)):
-        node.sdo[0x1029][2].raw = value
+        objects(node)[0x1029][2].raw = value
         node.nmt.state = "OPERATIONAL"
         axis = Axis(node, 0)
         pass_software_limit(axis)
@@ -245,32 +246,32 @@ def test_an_error_of_an_axis_its_reset_and_the_register_in_between(
     pass_software_limit(axis)
     (error,) = node.emcy.active
     assert (error.code, error.data) == (0xFF01, bytes((2, number, 0, 0, 0)))
-    assert error.register == node.sdo[0x1001].raw == 0x81
+    assert error.register == objects(node)[0x1001].raw == 0x81
     axis.wait(0x4F, 0x08)
     axis.disable()
     wait(lambda: node.emcy.active == [], 2, "0000h")
     assert (node.emcy.log[-1].register, node.emcy.log[-1].data) == (0, bytes((0, number, 0, 0, 0)))
-    assert node.sdo[0x1001].raw == 0
+    assert objects(node)[0x1001].raw == 0
 
 
 def test_the_inhibit_time_and_the_identifier_of_emcy(node: canopen.RemoteNode) -> None:
     times: list[float] = []
     node.emcy.callbacks[:] = [lambda error: times.append(error.timestamp)]
-    node.sdo[0x1015].raw = 500  # 50 ms
+    objects(node)[0x1015].raw = 500  # 50 ms
     node.nmt.state = "OPERATIONAL"
     for _ in range(4):
-        node.network.send_message(0x201, [1])  # too short for RPDO 1
+        node.network.send_message(0x201, bytes([1]))  # too short for RPDO 1
     wait(lambda: len(times) == 4)
     assert times[3] - times[0] > 0.1, "three times 50 ms, as far as a busy machine stamps them in time"
     node.emcy.callbacks.clear()
     other: list[bytes] = []
     node.network.subscribe(0x0B1, lambda _id, data, _time: other.append(bytes(data)))
-    node.sdo[0x1014].raw = 0xB1
-    node.network.send_message(0x201, [1])
+    objects(node)[0x1014].raw = 0xB1
+    node.network.send_message(0x201, bytes([1]))
     wait(lambda: len(other) == 1)
     assert other[0][:2] == b"\x10\x82"
-    node.sdo[0x1014].raw = 0x800000B1
-    node.network.send_message(0x201, [1])
+    objects(node)[0x1014].raw = 0x800000B1
+    node.network.send_message(0x201, bytes([1]))
     upload(node, 0x1000)
     time.sleep(0.1)
     assert (len(other), len(times)) == (1, 4), "bit 31: no EMCY"
@@ -282,14 +283,14 @@ def test_sync_is_taken_where_1005h_says(node: canopen.RemoteNode) -> None:
         0x381, lambda _id, data, _time: got.append(bytes(data))
     )  # TPDO 3: type 1 by default
     node.nmt.state = "OPERATIONAL"
-    node.sdo[0x1005].raw = 0x90
+    objects(node)[0x1005].raw = 0x90
     node.network.sync.transmit()
     upload(node, 0x1000)
     assert got == []
-    node.network.send_message(0x90, [])
+    node.network.send_message(0x90, b"")
     wait(lambda: len(got) == 1)
     assert got[0] == upload(node, 0x6041) + upload(node, 0x6064)
-    node.network.send_message(0x90, [1])
+    node.network.send_message(0x90, bytes([1]))
     wait(lambda: len(got) == 2, 2, "SYNC with a counter")
 
 
@@ -333,28 +334,28 @@ def test_parameters_are_kept_by_group_and_restored_by_group(node: canopen.Remote
 def test_bit_rate_and_node_id_by_their_objects(node: canopen.RemoteNode) -> None:
     network = node.network
     try:
-        node.sdo[0x2704].raw = 500
-        node.sdo[0x2705].raw = 9
-        assert (node.sdo[0x2707].raw, node.sdo[0x2708].raw) == (1000, 1), "not before a reset"
+        objects(node)[0x2704].raw = 500
+        objects(node)[0x2705].raw = 9
+        assert (objects(node)[0x2707].raw, objects(node)[0x2708].raw) == (1000, 1), "not before a reset"
         reset(node)
-        assert (node.sdo[0x2704].raw, node.sdo[0x2705].raw) == (1000, 1), "not without saving"
-        node.sdo[0x2704].raw = 500
-        node.sdo[0x2705].raw = 9
+        assert (objects(node)[0x2704].raw, objects(node)[0x2705].raw) == (1000, 1), "not without saving"
+        objects(node)[0x2704].raw = 500
+        objects(node)[0x2705].raw = 9
         node.sdo.download(0x2706, 1, b"save")
-        node.sdo[0x2704].raw = 20  # not saved
+        objects(node)[0x2704].raw = 20  # not saved
         nine = join(network, 9)
         states = States(nine)
         node.nmt.state = "RESET"
         states.wait(0)
         assert silent(node)
-        assert [nine.sdo[index].raw for index in (0x2704, 0x2705, 0x2707, 0x2708)] == [500, 9, 500, 9]
-        assert nine.sdo[0x1014].raw == 0x89
-        assert nine.sdo[0x1800][1].raw == 0x40000189
-        assert nine.sdo[0x1400][1].raw == 0x40000209
+        assert [objects(nine)[index].raw for index in (0x2704, 0x2705, 0x2707, 0x2708)] == [500, 9, 500, 9]
+        assert objects(nine)[0x1014].raw == 0x89
+        assert objects(nine)[0x1800][1].raw == 0x40000189
+        assert objects(nine)[0x1400][1].raw == 0x40000209
     finally:
         back = network.nodes.get(9) or join(network, 9)
-        back.sdo[0x2704].raw = 1000
-        back.sdo[0x2705].raw = 1
+        objects(back)[0x2704].raw = 1000
+        objects(back)[0x2705].raw = 1
         back.sdo.download(0x2706, 1, b"save")
         states = States(node)
         back.nmt.state = "RESET"
@@ -365,7 +366,7 @@ def test_bit_rate_and_node_id_by_their_objects(node: canopen.RemoteNode) -> None
 # --- LSS (§2.3, CiA 305) ---
 
 
-def lss_in_configuration(network: canopen.Network) -> canopen.lss.LssMaster:
+def lss_in_configuration(network: canopen.Network) -> LssMaster:
     network.lss.send_switch_state_global(network.lss.CONFIGURATION_STATE)
     return network.lss
 
@@ -373,7 +374,7 @@ def lss_in_configuration(network: canopen.Network) -> canopen.lss.LssMaster:
 def test_lss_tells_who_the_module_is(node: canopen.RemoteNode) -> None:
     lss = lss_in_configuration(node.network)
     identity = [lss.inquire_lss_address(0x5A + part) for part in range(4)]
-    assert identity == [node.sdo[0x1018][sub].raw for sub in (1, 2, 3, 4)]
+    assert identity == [objects(node)[0x1018][sub].raw for sub in (1, 2, 3, 4)]
     assert identity[:2] == [0x286, 3216]
     assert lss.inquire_node_id() == 1
     lss.send_switch_state_global(lss.WAITING_STATE)
@@ -385,7 +386,7 @@ def test_lss_tells_who_the_module_is(node: canopen.RemoteNode) -> None:
 
 def test_lss_selects_by_the_whole_identity_only(node: canopen.RemoteNode) -> None:
     lss = node.network.lss
-    vendor, product, revision, serial = (node.sdo[0x1018][sub].raw for sub in (1, 2, 3, 4))
+    vendor, product, revision, serial = (objects(node)[0x1018][sub].raw for sub in (1, 2, 3, 4))
     lss.RESPONSE_TIMEOUT = 0.1
     with pytest.raises(LssError):
         lss.send_switch_state_selective(vendor, product, revision, serial + 1)
@@ -417,14 +418,14 @@ def test_lss_gives_a_node_id_and_a_bit_rate_that_hold_over_resets(node: canopen.
         lss.configure_bit_timing(3)  # 250 kbit/s
         lss.store_configuration()
         lss.send_switch_state_global(lss.WAITING_STATE)
-        assert node.sdo[0x2708].raw == 1, "the old one until a reset"
+        assert objects(node)[0x2708].raw == 1, "the old one until a reset"
         renamed = join(network, 33)
         for command in (0x82, 0x81):
             states = States(renamed)
             network.nmt.send_command(command)
             states.wait(0)
-            assert renamed.sdo[0x2708].raw == 33
-        assert renamed.sdo[0x2707].raw == 250
+            assert objects(renamed)[0x2708].raw == 33
+        assert objects(renamed)[0x2707].raw == 250
         assert silent(node)
     finally:
         lss_in_configuration(network)
@@ -440,8 +441,8 @@ def test_lss_gives_a_node_id_and_a_bit_rate_that_hold_over_resets(node: canopen.
 
 def test_an_unconfigured_module_is_reached_by_lss_only(node: canopen.RemoteNode) -> None:
     network = node.network
-    revision, serial = node.sdo[0x1018][3].raw, node.sdo[0x1018][4].raw
-    node.sdo[0x2705].raw = 255
+    revision, serial = objects(node)[0x1018][3].raw, objects(node)[0x1018][4].raw
+    objects(node)[0x2705].raw = 255
     node.sdo.download(0x2706, 1, b"save")
     states = States(node)
     node.nmt.state = "RESET"
@@ -454,5 +455,5 @@ def test_an_unconfigured_module_is_reached_by_lss_only(node: canopen.RemoteNode)
     network.lss.store_configuration()
     network.lss.send_switch_state_global(network.lss.WAITING_STATE)
     states.wait(0)
-    assert node.sdo[0x1018][4].raw == serial
-    assert node.sdo[0x2705].raw == 1
+    assert objects(node)[0x1018][4].raw == serial
+    assert objects(node)[0x2705].raw == 1

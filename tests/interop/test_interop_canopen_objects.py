@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import canopen
 import pytest
-from canopen.objectdictionary import ODVariable
+from canopen.objectdictionary import INTEGER_TYPES, SIGNED_TYPES, ODVariable
 from canopen_kit import (
     AXES,
     EDS,
@@ -79,17 +79,17 @@ def fresh(node: canopen.RemoteNode) -> canopen.RemoteNode:
 
 
 def size_of(entry: ODVariable) -> int | None:
-    return len(entry) // 8 if entry.data_type in canopen.objectdictionary.INTEGER_TYPES else None
+    return len(entry) // 8 if entry.data_type in INTEGER_TYPES else None
 
 
 def pack(entry: ODVariable, value: int) -> bytes:
-    signed = entry.data_type in canopen.objectdictionary.SIGNED_TYPES
+    signed = entry.data_type in SIGNED_TYPES
     return value.to_bytes(len(entry) // 8, "little", signed=signed)
 
 
 def type_limits(entry: ODVariable) -> tuple[int, int]:
     bits = len(entry)
-    if entry.data_type in canopen.objectdictionary.SIGNED_TYPES:
+    if entry.data_type in SIGNED_TYPES:
         return -(1 << bits - 1), (1 << bits - 1) - 1
     return 0, (1 << bits) - 1
 
@@ -123,6 +123,7 @@ def wrong_in_reading(node: canopen.RemoteNode) -> list[tuple]:
             wrong.append((name(entry), data))
             continue
         value = entry.decode_raw(data)
+        assert isinstance(value, int), name(entry)
         low, high = limits(entry)
         if not low <= value <= high or (entry.default is not None and value != entry.default):
             wrong.append((name(entry), value, entry.default))
@@ -234,6 +235,7 @@ def test_values_between_the_limits_that_the_manual_does_not_list_are_refused(
 ) -> None:
     for index, sub, values in GAPS:
         entry = OD.get_variable(located(index, axis), sub)
+        assert entry is not None, f"{index:04X}h:{sub}"
         for value in values:
             code = refusal(fresh, entry.index, sub, pack(entry, value))
             assert code == NOT_ALLOWED, (name(entry), value, hex(code))

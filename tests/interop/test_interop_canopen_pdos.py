@@ -8,16 +8,18 @@ from __future__ import annotations
 import struct
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import canopen
 import pytest
+from canopen.pdo import PdoMap
 from canopen_kit import (
     NO_OBJECT,
     NOT_ALLOWED,
     TOO_LOW,
     connected,
     join,
+    objects,
     refusal,
     reset,
     simulator,
@@ -81,13 +83,14 @@ def node(shared: canopen.RemoteNode) -> canopen.RemoteNode:
 class Arrivals:
     """What a TPDO brought, and when, from the moment this is made."""
 
-    def __init__(self, pdo: canopen.pdo.PdoMap) -> None:
+    def __init__(self, pdo: PdoMap) -> None:
         self.data: list[bytes] = []
         self.times: list[float] = []
         self._lock = threading.Lock()
         pdo.callbacks[:] = [self._take]
 
-    def _take(self, pdo: canopen.pdo.PdoMap) -> None:
+    def _take(self, pdo: PdoMap) -> None:
+        assert pdo.timestamp is not None
         with self._lock:
             self.data.append(bytes(pdo.data))
             self.times.append(pdo.timestamp)
@@ -106,7 +109,7 @@ def receive_cob_id(position: int) -> int:
 
 
 def set_up(
-    pdo: canopen.pdo.PdoMap, cob_id: int, entries: list[int | tuple[int, int]], kind: int, **timing: int
+    pdo: PdoMap, cob_id: int, entries: Sequence[int | tuple[int, int]], kind: int, **timing: int
 ) -> None:
     pdo.clear()
     for entry in entries:
@@ -125,7 +128,7 @@ def settle(node: canopen.RemoteNode) -> None:
 def test_the_records_of_all_24_are_as_canopen_expects_them(node: canopen.RemoteNode) -> None:
     for pdos, base in ((node.rpdo, 0x200), (node.tpdo, 0x180)):
         pdos.read()
-        assert sorted(pdos.map) == [number for _, number in NUMBERS]
+        assert sorted(pdos) == [number for _, number in NUMBERS]
         for axis, number in NUMBERS:
             pdo = pdos[number]
             assert not pdo.rtr_allowed, "bit 30 must be set"
@@ -147,13 +150,13 @@ def test_each_of_the_12_rpdos_carries_what_is_mapped_into_it(node: canopen.Remot
         set_up(pdo, receive_cob_id(position), [target, velocity], 0xFF)
         pdo[0].raw, pdo[1].raw = -1000 - number, 2000 + number
         pdo.transmit()
-        wait(lambda velocity=velocity, number=number: node.sdo[velocity].raw == 2000 + number)
-        assert node.sdo[target].raw == -1000 - number
+        wait(lambda velocity=velocity, number=number: objects(node)[velocity].raw == 2000 + number)
+        assert objects(node)[target].raw == -1000 - number
         set_up(pdo, receive_cob_id(position), [velocity, target, profile(0x6060, axis)][:2], 0xFE)
         pdo[0].raw, pdo[1].raw = 7, 8
         pdo.transmit()
-        wait(lambda velocity=velocity: node.sdo[velocity].raw == 7)
-        assert node.sdo[target].raw == 8
+        wait(lambda velocity=velocity: objects(node)[velocity].raw == 7)
+        assert objects(node)[target].raw == 8
 
 
 def test_each_of_the_12_tpdos_comes_on_a_change_and_with_its_timer(node: canopen.RemoteNode) -> None:
@@ -165,13 +168,13 @@ def test_each_of_the_12_tpdos_comes_on_a_change_and_with_its_timer(node: canopen
         set_up(pdo, transmit_cob_id(position), [status, target], 0xFF, timer=0)
         settle(node)
         arrivals = Arrivals(pdo)
-        node.sdo[target].raw = 4711 + number
+        objects(node)[target].raw = 4711 + number
         arrivals.wait(1)
-        word = node.sdo[status].raw
+        word = objects(node)[status].raw
         settle(node)
         assert arrivals.data == [struct.pack("<Hi", word, 4711 + number)], "once for one change"
         arrivals = Arrivals(pdo)
-        node.sdo[target].raw = 4711 + number
+        objects(node)[target].raw = 4711 + number
         settle(node)
         assert arrivals.data == [], "no change, no event timer"
         set_up(pdo, transmit_cob_id(position), [target], 0xFE, timer=15)
@@ -195,7 +198,7 @@ def test_the_inhibit_time_keeps_tpdos_apart_and_the_last_value_arrives(
     began = time.monotonic()
     value = 0
     while time.monotonic() - began < 0.6:
-        node.sdo[target].raw = value = value + 1
+        objects(node)[target].raw = value = value + 1
     took = time.monotonic() - began
     wait(lambda: arrivals.data[-1:] == [struct.pack("<i", value)])
     mean = (arrivals.times[-1] - arrivals.times[0]) / (len(arrivals.times) - 1)
@@ -208,7 +211,7 @@ def test_each_of_the_12_tpdos_comes_with_every_third_sync(node: canopen.RemoteNo
     network = node.network
     for position, (axis, number) in enumerate(NUMBERS):
         set_up(node.tpdo[number], transmit_cob_id(position), [profile(0x607A, axis)], 3)
-        node.sdo[profile(0x607A, axis)].raw = number
+        objects(node)[profile(0x607A, axis)].raw = number
     arrivals = {number: Arrivals(node.tpdo[number]) for _, number in NUMBERS}
     for sync in range(1, 8):
         network.sync.transmit()
@@ -226,7 +229,7 @@ def test_each_of_the_12_tpdos_comes_with_every_sync_and_only_then(node: canopen.
         set_up(node.tpdo[number], transmit_cob_id(position), [profile(0x607A, axis)], 1)
     arrivals = {number: Arrivals(node.tpdo[number]) for _, number in NUMBERS}
     for axis in range(3):
-        node.sdo[profile(0x607A, axis)].raw = 99
+        objects(node)[profile(0x607A, axis)].raw = 99
     settle(node)
     assert not any(got.data for got in arrivals.values())
     for sync in (1, 2, 3):
@@ -252,10 +255,10 @@ def test_each_of_the_12_rpdos_waits_for_its_sync(node: canopen.RemoteNode, kind:
             node.rpdo[number].transmit()
     settle(node)
     for sync in range(1, kind + 1):
-        assert [node.sdo[target].raw for _, target in targets] == [0] * 12, f"before SYNC {sync}"
+        assert [objects(node)[target].raw for _, target in targets] == [0] * 12, f"before SYNC {sync}"
         node.network.sync.transmit()
     settle(node)
-    assert [node.sdo[target].raw for _, target in targets] == [2000 + number for number, _ in targets]
+    assert [objects(node)[target].raw for _, target in targets] == [2000 + number for number, _ in targets]
 
 
 def test_every_object_that_can_be_mapped_is_mapped_and_comes_with_its_value(node: canopen.RemoteNode) -> None:
@@ -386,7 +389,7 @@ def test_a_pdo_of_another_length_or_with_a_bad_value_is_not_taken_and_reported(
             wait(lambda: bool(node.emcy.log), 2, f"EMCY {code:04X}h")
             error = node.emcy.log[0]
             assert (error.code, error.data[1:]) == (code, bytes((255, 0, 0, 0)))
-            assert (node.sdo[target].raw, node.sdo[mode].raw) == (0, 0)
+            assert (objects(node)[target].raw, objects(node)[mode].raw) == (0, 0)
 
 
 def test_pdo_records_are_forgotten_at_a_reset(node: canopen.RemoteNode) -> None:

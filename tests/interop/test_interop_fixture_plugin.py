@@ -9,6 +9,8 @@ from importlib.resources import files
 
 import canopen
 import pytest
+from canopen.emcy import EmcyError
+from canopen_kit import objects
 
 from canaxis import BadValue, Client, NotFound, UnknownNode
 from canaxis.testing import (
@@ -57,7 +59,7 @@ def remote(network: canopen.Network, node_id: int) -> canopen.RemoteNode:
 
 
 def test_canopen_drives_an_axis_of_it(port: SimulatedPort, network: canopen.Network) -> None:
-    sdo = remote(network, 1).sdo
+    sdo = objects(remote(network, 1))
     assert sdo["Manufacturer Device Name"].raw == "TMCM-3216"
     for index, value in (
         (0x6060, 3),
@@ -75,14 +77,14 @@ def test_canopen_drives_an_axis_of_it(port: SimulatedPort, network: canopen.Netw
 def test_what_the_panel_does_canopen_sees(port: SimulatedPort, network: canopen.Network) -> None:
     node = remote(network, 1)
     panel = port.panel(1)
-    received: queue.Queue[canopen.emcy.EmcyError] = queue.Queue()
+    received: queue.Queue[EmcyError] = queue.Queue()
     node.emcy.add_callback(received.put)  # `wait` would miss what came before it was called
     assert panel.perform("set_temperature", axis=2, celsius=130).axes[2].temperature == 130
     emergency = received.get(timeout=5)
     assert emergency.code == 0x4310
     assert emergency.data[1] == 2
     panel.perform("press_switch", axis=1, switch="negative")
-    assert node.sdo[0x68FD].raw & 1
+    assert objects(node)[0x68FD].raw & 1
     panel.perform("set_sdo_mute", active=True)
     node.sdo.RESPONSE_TIMEOUT = 0.1
     with pytest.raises(canopen.SdoCommunicationError):
@@ -111,12 +113,12 @@ def test_several_modules_and_what_happens_to_them(simulated_port: SimulatedPort)
     network = joined(simulated_port)
     try:
         third, fourth = remote(network, 3), remote(network, 4)
-        assert [node.sdo[0x1018][4].raw for node in (third, fourth)] == [3, 4]
+        assert [objects(node)[0x1018][4].raw for node in (third, fourth)] == [3, 4]
         assert not simulated_port.panel(4).perform("power_off").powered
         fourth.sdo.RESPONSE_TIMEOUT = 0.1
         with pytest.raises(canopen.SdoCommunicationError):
             fourth.sdo.upload(0x1000, 0)
-        assert third.sdo[0x1000].raw == 0xFFFC0192
+        assert objects(third)[0x1000].raw == 0xFFFC0192
         assert simulated_port.panel(3).state().powered
     finally:
         network.disconnect()

@@ -19,6 +19,7 @@ import canopen
 import httpx
 import pytest
 from canaxis_processes import JSON, Running, until_ready
+from canopen.sdo.base import SdoRecord
 from repository import ROOT
 
 import drivers.devices
@@ -203,6 +204,8 @@ def test_a_second_master_that_reads_the_same_node_disturbs_nothing(service: http
     try:
         other = canopen.RemoteNode(1, str(EDS))
         network.add_node(other)
+        identity = other.sdo[0x1018]
+        assert isinstance(identity, SdoRecord)
         enable(service)
         operation = service.post(f"{AXIS}/move", json=FAR).json()
         before = node(service)["counters"]["sdo"]
@@ -212,7 +215,7 @@ def test_a_second_master_that_reads_the_same_node_disturbs_nothing(service: http
             with contextlib.suppress(
                 canopen.SdoCommunicationError
             ):  # it takes our answers for its own, and says so
-                assert other.sdo[0x1018][1].raw == 0x286
+                assert identity[1].raw == 0x286
         going = service.get(operation["links"]["self"]).json()
         assert going["state"] == "running", going["error"]
         after = node(service)["counters"]["sdo"]
