@@ -21,7 +21,7 @@ import time
 from collections.abc import Callable, Collection
 
 from bench.wire import CAN_FRAME, FULL_BUS, pack
-from drivers.bus.base import BusCounters, BusState, FrameHandler, StateHandler
+from drivers.bus.base import Beside, BusCounters, BusState, FrameHandler, StateHandler
 from drivers.bus.frame import Frame
 from drivers.cia402.power import Controlword
 from drivers.devices.catalog import Catalog
@@ -42,6 +42,7 @@ class WireBus:
     name = "bench"
     state = BusState.ACTIVE
     counters = BusCounters()
+    beside: Beside | None = None
 
     def __init__(self, end: socket.socket) -> None:
         end.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)

@@ -35,11 +35,17 @@ SETTLING = 1.0
 """Seconds after which all axes turn."""
 
 
+def id_of(module: SimulatedModule) -> int:
+    """Its node ID: it has one, as nobody took it away."""
+    assert module.node_id is not None
+    return module.node_id
+
+
 def write(module: SimulatedModule, profile: DeviceProfile, address: Address, value: int, now: float) -> None:
     """One expedited SDO download into the module."""
     spec = profile.objects[address]
     request = SdoDownload(address, encode_value(spec.type, value)).request()
-    answers = module.on_frame(Frame(cob.sdo_request(module.node_id), request), now)
+    answers = module.on_frame(Frame(cob.sdo_request(id_of(module)), request), now)
     assert answers, address
     assert answers[0].data[0] == 0x60, (str(address), answers[0])
 
@@ -66,7 +72,7 @@ def set_turning(module: SimulatedModule, now: float, profile: DeviceProfile) -> 
             configuration = PdoConfiguration(
                 direction=Direction.TRANSMIT,
                 number=profile.layout.pdo_number(number, axis),
-                cob_id=0x180 + 0x100 * (2 * axis + number - 1) % 0x400 + module.node_id,
+                cob_id=0x180 + 0x100 * (2 * axis + number - 1) % 0x400 + id_of(module),
                 mapping=PdoMapping(mapped, types),
                 transmission_type=0xFF,
                 inhibit_time_100us=PERIOD_100US,
