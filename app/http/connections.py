@@ -128,7 +128,7 @@ class BoundedWebSocket(WebSocketsSansIOProtocol):
             self.transport.abort()
 
 
-def bounded_http(server: ServerConfiguration) -> type[asyncio.Protocol]:
+def bounded_http(server: ServerConfiguration) -> type[BoundedHttp]:
     """The protocol for the server, with the limits of the settings."""
     limits = Limits(connections=server.max_connections, head_timeout=server.request_timeout)
     return type("BoundedHttp", (BoundedHttp,), {"limits": limits})

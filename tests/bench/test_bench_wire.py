@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Sequence
 
 import can
 
@@ -25,9 +26,14 @@ def test_python_can_reads_and_writes_it():
 async def test_our_bus_reads_and_writes_it():
     near, far = pair()
     heard: asyncio.Queue[Frame] = asyncio.Queue()
+
+    def keep(frames: Sequence[Frame]) -> None:
+        for frame in frames:
+            heard.put_nowait(frame)
+
     with as_socketcan(near), far:
         bus = PythonCanBus("socketcan", CHANNEL)
-        end = bus.subscribe(lambda frames: [heard.put_nowait(frame) for frame in frames] and None)
+        end = bus.subscribe(keep)
         await bus.open()
         try:
             far.send(pack(0x181, b"\x01\x02"))

@@ -10,8 +10,9 @@ from api_bench import URL, Bench
 
 from app.operations.schemas import OPERATION
 from canaxis import AsyncClient, Client
+from canaxis.contract.options import Target
 
-TARGETS = (
+TARGETS: tuple[Target, ...] = (
     {"node": "stage", "axis": 0, "target": 20_000, "unit": "steps"},
     {"node": 1, "axis": "1", "target": -3000, "unit": "steps", "relative": True, "velocity": 9000},
 )
@@ -26,6 +27,7 @@ async def test_axes_are_moved_together_and_waited_for(bench: Bench) -> None:
         operation = await client.move_together(TARGETS, duration_s=1.5)
         await operation.wait(30)
         assert operation.kind == "coordinated_move"
+        assert operation.result is not None
         assert operation.result["duration_s"] == pytest.approx(1.5, abs=0.05)
         assert [axis["position"]["steps"] for axis in operation.result["axes"]] == [20_000, -3000]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -25,7 +25,7 @@ from drivers.sim.runner import SimulatedNode
 
 URL = "http://127.0.0.1:8402"
 PROFILE = Catalog.load().profile("TMCM-3216")
-App = Callable[[Scope, Receive, Send], Awaitable[None]]
+App = Callable[[Scope, Receive, Send], Coroutine[Any, Any, None]]
 
 
 @dataclass
@@ -157,7 +157,7 @@ class EventClient:
         self.headers: dict[bytes, bytes] = {}
         self.comments = 0
 
-    def scope(self) -> Scope:
+    def scope(self) -> dict[str, Any]:
         """The request as a server hands it to the application."""
         return {
             "type": "http", "asgi": {"version": "3.0", "spec_version": "2.3"}, "http_version": "1.1",

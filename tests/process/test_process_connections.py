@@ -9,6 +9,7 @@ from collections.abc import AsyncIterator
 import pytest
 import uvicorn
 from starlette.types import Receive, Scope, Send
+from uvicorn.server import ServerState
 
 from app.configuration.configuration import ServerConfiguration
 from app.http.connections import BoundedHttp, bounded_http, look_at
@@ -24,10 +25,10 @@ async def yes(scope: Scope, receive: Receive, send: Send) -> None:
 
 
 @contextlib.asynccontextmanager
-async def serving(**configuration: object) -> AsyncIterator[tuple[int, uvicorn.server.ServerState]]:
+async def serving(**configuration: object) -> AsyncIterator[tuple[int, ServerState]]:
     """Just the protocol before an application that says yes; and what it knows of its connections."""
     config = uvicorn.Config(yes, lifespan="off", log_config=None)
-    state = uvicorn.server.ServerState()
+    state = ServerState()
     protocol = bounded_http(ServerConfiguration.model_validate(configuration))
     loop = asyncio.get_running_loop()
     server = await loop.create_server(

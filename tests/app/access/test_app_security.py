@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable
+from collections.abc import AsyncIterator
 
 import httpx
 import pytest
@@ -185,7 +185,7 @@ async def test_a_parameter_of_the_content_type_is_fine() -> None:
     "header", [None, "Bearer wrong", f"Basic {TOKEN}", TOKEN, "Bearer", f"Bearer {TOKEN}x", "Bearer tök"]
 )
 async def test_without_the_token_nothing_is_told(header: str | None) -> None:
-    headers = {} if header is None else {"Authorization": header.encode("latin-1")}
+    headers = {} if header is None else {b"Authorization": header.encode("latin-1")}
     async with client(token=TOKEN) as http:
         response = await http.get("/metrics", headers=headers)
     assert response.status_code == 401
@@ -209,7 +209,7 @@ async def test_the_token_opens_and_probes_need_none() -> None:
 
 
 async def test_a_large_body_is_refused_declared_or_not() -> None:
-    async def chunks() -> Iterable[bytes]:  # type: ignore[misc]
+    async def chunks() -> AsyncIterator[bytes]:
         for _ in range(MAX_BODY // 1024 + 1):
             yield bytes(1024)
 
@@ -258,7 +258,7 @@ class Socket:
     async def receive(self) -> Message:
         return {"type": "websocket.connect"}
 
-    async def open(self, query: bytes = b"", **headers: str) -> Message:
+    async def open(self, query: bytes = b"", /, **headers: str) -> Message:
         """What the application says first."""
         own = {"host": "localhost:8402", **headers}
         scope: Scope = {"type": "websocket", "path": "/api/v1/jog", "query_string": query, "state": {}}

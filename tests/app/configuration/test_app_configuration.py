@@ -91,9 +91,11 @@ def test_a_missing_file_is_an_error(tmp_path: Path) -> None:
 
 
 def test_lengths_are_in_the_axis_unit() -> None:
-    axis = AxisSettings(
-        name="x", unit="mm", steps_per_unit=-100.0, velocity=2.5, acceleration=0.001,
-        soft_limits=[-10.0, 30.0], home_offset=1.0, start_velocity=0,
+    axis = AxisSettings.model_validate(
+        {
+            "name": "x", "unit": "mm", "steps_per_unit": -100.0, "velocity": 2.5, "acceleration": 0.001,
+            "soft_limits": [-10.0, 30.0], "home_offset": 1.0, "start_velocity": 0,
+        }
     ).to_config()  # fmt: skip
     assert axis.velocity == 250
     assert axis.acceleration == 1, "never rounded down to standing"

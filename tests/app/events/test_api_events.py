@@ -21,6 +21,7 @@ async def test_a_snapshot_comes_first_with_everything(bench: Bench) -> None:
         assert events.headers[b"content-type"].startswith(b"text/event-stream")
         assert events.headers[b"cache-control"] == b"no-cache"
     assert first.kind == "snapshot"
+    assert first.id is not None
     assert 0 < first.id <= bench.service.network.events.last_id
     assert [a["axis"] for a in first.data["axes"]] == [0, 1, 2]
     assert first.data["nodes"][0]["state"] == "operational"
@@ -63,6 +64,8 @@ async def test_a_client_that_comes_back_gets_what_it_missed_then_a_snapshot(benc
     async with EventClient(bench.app, last_event_id=str(known)) as events:
         first = await events.next()
         assert (first.kind, first.data["reason"]) == ("stop", "missed")
+        assert known is not None
+        assert first.id is not None
         assert first.id > known
         second = await events.next()
         assert (second.kind, second.data["latched"]) == ("stop", False)

@@ -158,7 +158,7 @@ async def test_a_preference_that_is_none_is_ignored(bench: Bench) -> None:
         headers = JSON | {"Prefer": prefer}
         content = json.dumps({"target": 100, "unit": "steps"})
         response = await bench.client.post(
-            MOVE, content=content, headers={k: v.encode("latin-1") for k, v in headers.items()}
+            MOVE, content=content, headers={k.encode(): v.encode("latin-1") for k, v in headers.items()}
         )
         assert response.status_code == 202
         assert "preference-applied" not in response.headers

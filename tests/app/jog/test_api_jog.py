@@ -283,7 +283,7 @@ async def test_what_must_not_be_lost_is_bounded_and_others_feel_nothing(bench: B
 async def test_a_loss_is_told_though_all_that_was_kept_is_sent() -> None:
     outbox = Outbox()
     for _ in range(CAPACITY + 1):
-        outbox.put(lambda stamp: PongMessage(stamp=stamp, sent=None, round_trip_ms=None))
+        outbox.put(lambda stamp: PongMessage(stamp=stamp, sent=0, round_trip_ms=None))
     sent = list(iter(outbox.take, None))
     assert len(sent) == CAPACITY
     with pytest.raises(Overflow):

@@ -10,18 +10,19 @@ from typing import Any
 import pytest
 from api_bench import Bench, running
 
-from app.configuration.axes import AxisSettings
+from app.configuration.axes import AxisSettings, Measure
 from app.configuration.configuration import Configuration, NodeSettings, StoreConfiguration
 
 pytestmark = pytest.mark.looptime
 
+LIMITS = [Measure(value=-5), Measure(value=40)]
 MM = Configuration(
     nodes=(
         NodeSettings(
             id=1,
             name="stage",
             axes=(
-                AxisSettings(name="x", unit="mm", steps_per_unit=1280, soft_limits=[-5, 40]),
+                AxisSettings(name="x", unit="mm", steps_per_unit=1280, soft_limits=LIMITS),
                 AxisSettings(name="y"),
             ),
         ),
