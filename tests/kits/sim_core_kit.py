@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from functools import lru_cache
+from typing import cast
 
 from drivers.bus.frame import Frame
 from drivers.cia301.emcy import Emergency
@@ -12,7 +13,7 @@ from drivers.cia301.sdo import AbortCode, SdoAbort
 from drivers.cia402.power import PowerState
 from drivers.devices.catalog import Catalog
 from drivers.devices.profile import DeviceProfile
-from drivers.sim.module import SimulatedModule
+from drivers.sim.module import BuildAxis, SimulatedModule
 
 
 @lru_cache
@@ -77,16 +78,17 @@ class Bench:
     """A powered module, node 1 unless told otherwise, with stand-ins for its axes."""
 
     def __init__(self, node_id: int = 1, **options) -> None:
-        self.module = SimulatedModule(profile(), node_id, build_axis=StandIn, **options)
+        self.module = SimulatedModule(profile(), node_id, build_axis=cast("BuildAxis", StandIn), **options)
         self.now = 0.0
         self.boot = self.module.power_on(self.now)
 
     @property
     def axes(self) -> tuple[StandIn, ...]:
-        return self.module.axes
+        return cast("tuple[StandIn, ...]", self.module.axes)
 
     @property
     def node(self) -> int:
+        assert self.module.node_id is not None
         return self.module.node_id
 
     def send(self, cob_id: int, data: str | bytes = b"") -> list[str]:

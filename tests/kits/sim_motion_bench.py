@@ -98,7 +98,7 @@ class Bench:
     def state(self) -> PowerState:
         state = decode_state(self.statusword)
         assert state is self.axis.state
-        return state
+        return self.axis.state
 
     @property
     def statusword(self) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Sequence
 
 import pytest
 
@@ -54,7 +54,7 @@ class Wire:
         if self.broken and not self.waiting:
             raise Lost("gone")
 
-    def _on_frames(self, batch: list[Frame]) -> None:
+    def _on_frames(self, batch: Sequence[Frame]) -> None:
         self.batches.append(len(batch))
         self.arrivals.append(self._loop.time())
 
@@ -66,7 +66,7 @@ class Wire:
 
 
 @pytest.fixture
-async def wire(monkeypatch: pytest.MonkeyPatch) -> Iterator[Wire]:
+async def wire(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Wire]:
     descriptors = os.pipe()
     wire = Wire(descriptors[0], monkeypatch)
     yield wire

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Sequence
 
 import pytest
 
@@ -298,7 +299,12 @@ async def test_with_a_lead_one_frame_comes_at_once_and_many_keep_the_bit_rate():
     opened = await ports(MemoryWire(bit_rate=1_000_000, lead=0.001), 2)
     loop = asyncio.get_running_loop()
     came: asyncio.Queue[float] = asyncio.Queue()
-    opened[1].subscribe(lambda batch: [came.put_nowait(loop.time()) for _ in batch] and None)
+
+    def note(batch: Sequence[Frame]) -> None:
+        for _ in batch:
+            came.put_nowait(loop.time())
+
+    opened[1].subscribe(note)
     began = loop.time()
     opened[0].send(Frame(0x181, bytes(8)))
     assert await came.get() == began

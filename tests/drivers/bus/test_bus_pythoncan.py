@@ -7,6 +7,7 @@ import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import AsyncExitStack
 from itertools import pairwise
+from typing import Any
 
 import can
 import canopen
@@ -38,7 +39,7 @@ TRAVELLERS = [
 async def open_bus() -> AsyncIterator[Open]:
     async with AsyncExitStack() as stack:
 
-        async def open_it(interface: str, channel: str, **options: object) -> PythonCanBus:
+        async def open_it(interface: str, channel: str, **options: Any) -> PythonCanBus:
             bus = PythonCanBus(interface, channel, **options)
             stack.push_async_callback(bus.close)
             await bus.open()
@@ -290,6 +291,7 @@ async def test_a_server_that_reads_nothing_fills_the_queue_but_never_blocks(open
             writer.close()
             return
         writer.transport.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        assert isinstance(writer.transport, asyncio.Transport)
         writer.transport.pause_reading()
         stalled.set()
         await done.wait()

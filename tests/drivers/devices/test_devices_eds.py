@@ -42,8 +42,8 @@ def test_canopen_finds_each_object_as_the_profile_has_it(
 ) -> None:
     for address, spec in tmcm_3216.objects.items():
         entry = dictionary[address.index]
-        variable = entry if spec.kind is ObjectKind.VAR else entry[address.sub]
-        assert isinstance(variable, ODVariable)
+        assert isinstance(entry, ODVariable) is (spec.kind is ObjectKind.VAR), address
+        variable = entry if isinstance(entry, ODVariable) else entry[address.sub]
         assert variable.data_type == spec.type
         assert variable.access_type == spec.access
         assert variable.pdo_mappable == spec.mappable

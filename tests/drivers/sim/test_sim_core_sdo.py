@@ -144,6 +144,8 @@ def test_every_rw_number_is_taken_at_its_limits_or_refused_with_a_code_and_uncha
         if not spec.access.writable or spec.address.index in (0x1010, 0x1011, 0x2706):
             continue
         for value in (spec.minimum, spec.maximum):
+            assert spec.type.size is not None, address
+            assert value is not None, address
             form = {1: "b", 2: "h", 4: "i"}[spec.type.size]
             form = form if spec.type.signed else form.upper()
             before = bench.module.dictionary.stored(address)

@@ -16,6 +16,7 @@ from drivers.bus.frame import Frame
 from drivers.devices.catalog import Catalog
 from drivers.sim.module import SimulatedModule
 from drivers.sim.motion.travel import AxisSettings
+from drivers.sim.motion.troubles import Bridge
 
 PROFILE = Catalog.load().profile("TMCM-3216")
 NODE = 5
@@ -93,11 +94,11 @@ def row(code: int, register: int, cause: int, where: int) -> bytes:
 # --- rows of one motor: byte #2 is 0, 1 or 2 ---
 
 
-def open_load(bridge: str) -> Callable[[Bench, int], None]:
+def open_load(bridge: Bridge) -> Callable[[Bench, int], None]:
     return lambda bench, axis: bench.touch(lambda now: bench.module.axes[axis].open_load(bridge, now))
 
 
-def short(bridge: str) -> Callable[[Bench, int], None]:
+def short(bridge: Bridge) -> Callable[[Bench, int], None]:
     return lambda bench, axis: bench.touch(lambda now: bench.module.axes[axis].short(bridge, now))
 
 

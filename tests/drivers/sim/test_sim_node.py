@@ -12,7 +12,7 @@ import pytest
 
 from drivers.bus.base import Bus, BusState
 from drivers.bus.frame import Frame
-from drivers.bus.memory import MemoryWire
+from drivers.bus.memory import MemoryBus, MemoryWire
 from drivers.cia301.nmt import NmtState
 from drivers.cia402.power import PowerState
 from drivers.devices.catalog import Catalog
@@ -78,6 +78,12 @@ async def node(wire: MemoryWire, observer: Observer) -> AsyncIterator[SimulatedN
     async with simulated_node(wire, profile()) as node:
         await turn()
         yield node
+
+
+def wire_end(node: SimulatedNode) -> MemoryBus:
+    """Its end of the wire, which can be damaged."""
+    assert isinstance(node.bus, MemoryBus)
+    return node.bus
 
 
 async def turn() -> None:
@@ -218,18 +224,18 @@ async def test_silent_deaf_without_boot_up_and_corrupt(node: SimulatedNode, obse
 
 async def test_bus_off_is_told_when_it_is_over(node: SimulatedNode, observer: Observer) -> None:
     observer.take()
-    node.bus.bus_off()
+    wire_end(node).bus_off()
     observer.send(0x000, "01 01")
     await turn()
     assert node.module.nmt_state is NmtState.PRE_OPERATIONAL, "it can't hear"
-    node.bus.recover()
+    wire_end(node).recover()
     await turn()
     assert observer.frames == ["081#40 81 11 00 ff 00 00 00"]
 
 
 async def test_error_passive_is_told(node: SimulatedNode, observer: Observer) -> None:
     observer.take()
-    node.bus.degrade(BusState.PASSIVE)
+    wire_end(node).degrade(BusState.PASSIVE)
     await turn()
     assert observer.frames == ["081#20 81 11 00 ff 00 00 00"]
 
@@ -237,7 +243,7 @@ async def test_error_passive_is_told(node: SimulatedNode, observer: Observer) ->
 async def test_what_the_bus_does_not_take_is_counted(node: SimulatedNode, observer: Observer) -> None:
     observer.write("2b 17 10 00 0a 00 00 00")
     await turn()
-    node.bus.unplug()
+    wire_end(node).unplug()
     await asyncio.sleep(0.1)
     assert node.lost == pytest.approx(10, abs=1)
 

@@ -87,6 +87,7 @@ async def test_a_halted_set_point_of_a_dead_master_is_never_taken_up() -> None:
             found = second.node(1).axes[0]
             await until(lambda: not (found.status.moving or found.status.stale or found.status.velocity))
             rest = found.status.position
+            assert rest is not None
             await found.enable()
             assert not module.axes[0].moving
             await found.run_at(VelocityRequest(0)).wait(10)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import random
+from typing import Any
 
 import pytest
 from stack_kit import AXES, Stack, stack_of, until
@@ -15,6 +16,8 @@ from drivers.master.plan.prediction import predict_home
 from drivers.master.plan.requests import OnBusy
 
 pytestmark = pytest.mark.looptime
+
+ENDS: tuple[dict[str, Any], ...] = ({}, {"duration_s": 0.4}, {"travel": 3000}, {"held": True})
 
 
 def place(stack: Stack, axis: int = 0) -> int:
@@ -125,8 +128,8 @@ async def test_any_schedule_ends_each_motion_once_and_begins_none_after_a_stop(
             case 0:
                 return axis.home(HomeRequest(method=35), on_busy=on_busy)
             case 1:
-                end = draw.choice(({}, {"duration_s": 0.4}, {"travel": 3000}, {"held": True}))
-                return axis.run_at(VelocityRequest(draw.choice((-30_000, 30_000)), **end), on_busy=on_busy)
+                end, velocity = draw.choice(ENDS), draw.choice((-30_000, 30_000))
+                return axis.run_at(VelocityRequest(velocity, **end), on_busy=on_busy)
             case _:
                 request = MoveRequest(draw.choice((-9000, 40, 20_000)), relative=draw.random() < 0.7)
                 return axis.move_to(request, on_busy=on_busy)

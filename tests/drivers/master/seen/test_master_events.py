@@ -6,9 +6,16 @@ import asyncio
 
 import pytest
 
-from drivers.master.seen.events import HISTORY, EventHub
+from drivers.master.seen.events import HISTORY, Event, EventHub, Subscription
 
 pytestmark = pytest.mark.looptime
+
+
+def taken(subscription: Subscription) -> Event:
+    """The next event, which must be there."""
+    event = subscription.take()
+    assert event is not None
+    return event
 
 
 async def test_status_is_latest_wins_per_axis() -> None:
@@ -16,7 +23,7 @@ async def test_status_is_latest_wins_per_axis() -> None:
     subscription = hub.subscribe()
     for value in range(1000):
         hub.publish("axis", node=1, axis=value % 2, data={"status": value})
-    events = [subscription.take(), subscription.take()]
+    events = [taken(subscription), taken(subscription)]
     assert [event.data["status"] for event in events] == [998, 999]
     assert subscription.take() is None
     assert subscription.missed == 0
@@ -29,7 +36,7 @@ async def test_everything_comes_in_the_order_of_its_id() -> None:
     hub.publish("motion", node=1, axis=0, data={})
     hub.publish("axis", node=1, axis=0, data={})
     hub.publish("stop", data={})
-    assert [subscription.take().id for _ in range(3)] == [2, 3, 4]
+    assert [taken(subscription).id for _ in range(3)] == [2, 3, 4]
 
 
 async def test_a_full_queue_drops_the_oldest_and_says_how_many() -> None:
@@ -37,9 +44,9 @@ async def test_a_full_queue_drops_the_oldest_and_says_how_many() -> None:
     slow, fast = hub.subscribe(capacity=3), hub.subscribe(capacity=100)
     for number in range(10):
         hub.publish("emergency", node=1, data={"number": number})
-    told = slow.take()
+    told = taken(slow)
     assert (told.kind, told.data["missed"]) == ("missed", 7)
-    assert [slow.take().data["number"] for _ in range(3)] == [7, 8, 9]
+    assert [taken(slow).data["number"] for _ in range(3)] == [7, 8, 9]
     assert slow.take() is None
     assert slow.missed == 7
     assert fast.missed == 0
@@ -71,7 +78,9 @@ async def test_since_gives_what_a_returning_subscriber_missed() -> None:
     for number in range(5):
         hub.publish("bus", data={"number": number})
         hub.publish("axis", node=1, axis=0, data={})
-    assert [event.data["number"] for event in hub.since(4)] == [2, 3, 4]
+    missed = hub.since(4)
+    assert missed is not None
+    assert [event.data["number"] for event in missed] == [2, 3, 4]
     assert hub.since(hub.last_id) == []
     assert hub.since(hub.last_id + 1) is None
 
@@ -81,7 +90,9 @@ async def test_since_admits_what_is_forgotten() -> None:
     for _ in range(HISTORY + 5):
         hub.publish("bus", data={})
     assert hub.since(4) is None
-    assert len(hub.since(5)) == HISTORY
+    kept = hub.since(5)
+    assert kept is not None
+    assert len(kept) == HISTORY
 
 
 async def test_a_kind_is_wanted_as_long_as_somebody_subscribes_to_it() -> None:
@@ -93,7 +104,7 @@ async def test_a_kind_is_wanted_as_long_as_somebody_subscribes_to_it() -> None:
     assert hub.is_wanted("axis")
     hub.publish("axis", node=1, axis=0, data={})
     assert journal.take() is None
-    assert everything.take().id == hub.last_id
+    assert taken(everything).id == hub.last_id
     everything.close()
     journal.close()
     assert not hub.is_wanted("bus")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import random
+from typing import Any
 
 import pytest
 from stack_kit import AXES, NeverAbove, Stack, stack_of, until
@@ -14,7 +15,8 @@ from drivers.cia301.cob import emcy
 from drivers.cia301.objects import Address
 from drivers.cia402.power import PowerState
 from drivers.errors import AxisBusy, BadValue, NotReady
-from drivers.master import AxisConfig, HomeRequest, MotionState, MoveRequest, VelocityRequest
+from drivers.master import Axis, AxisConfig, HomeRequest, MotionState, MoveRequest, VelocityRequest
+from drivers.master.sdo.queue import Priority
 from drivers.master.together.coordinated_move import GroupMotion
 
 pytestmark = pytest.mark.looptime
@@ -61,6 +63,18 @@ def go(stack: Stack, *targets: int, node_id: int = 1, **options) -> GroupMotion:
     )
 
 
+def standing(axis: Axis) -> int:
+    """Where it is, in steps."""
+    assert axis.status.position is not None
+    return axis.status.position
+
+
+def result_of(group: GroupMotion) -> dict[str, Any]:
+    """What it says of its end."""
+    assert group.result is not None
+    return dict(group.result)
+
+
 async def at_rest(stack: Stack, group: GroupMotion) -> None:
     """The group has ended, once, and every motor stands and stays so."""
     assert await group.wait(60)
@@ -95,7 +109,7 @@ async def random_moves(stack: Stack, times: int) -> None:
     stack.wire.tap(lambda _, f: syncs.append(asyncio.get_running_loop().time()) if f.cob_id == SYNC else None)
     for _ in range(times):
         targets = [dice.randint(-60_000, 60_000) // dice.choice([1, 1, 10, 100]) for _ in axes]
-        before = [axis.status.position for axis in axes]
+        before = [standing(axis) for axis in axes]
         group = go(stack, *targets)
         await group.wait(120)
         assert group.state is MotionState.SUCCEEDED, group.error
@@ -105,10 +119,11 @@ async def random_moves(stack: Stack, times: int) -> None:
         assert len(set(starts)) == 1, "all on the same SYNC"
         assert starts[0] == pytest.approx(syncs[-1], abs=1e-9)
         shortest = min(abs(targets[n] - before[n]) for _, n in moved)
+        assert group.coordination is not None
         if shortest >= 20 * group.coordination.duration_s:
             assert max(ends) - min(ends) < 0.010, (before, targets, group.result)
-            assert group.result["spread_s"] < 0.02
-        assert ends[0] - starts[0] == pytest.approx(group.result["predicted_s"], abs=0.01)
+            assert result_of(group)["spread_s"] < 0.02
+        assert ends[0] - starts[0] == pytest.approx(result_of(group)["predicted_s"], abs=0.01)
         for member, axis in zip(group.members, axes, strict=True):
             if member.profile is not None:
                 assert member.profile.velocity <= axis.config.velocity
@@ -126,11 +141,11 @@ async def test_an_axis_without_a_way_takes_part_without_moving(stack) -> None:
     await group.wait(30)
     assert group.state is MotionState.SUCCEEDED, group.error
     assert not watch.turned(1, 1)
-    assert group.result["axes"][1]["arrived_s"] is None
+    assert result_of(group)["axes"][1]["arrived_s"] is None
     again = go(stack, 20_000, 0, -5000)
     await again.wait(5)
     assert again.state is MotionState.SUCCEEDED
-    assert again.result["duration_s"] == 0
+    assert result_of(again)["duration_s"] == 0
 
 
 async def test_a_time_is_kept_and_relative_targets_count_from_where_the_axes_stand(stack) -> None:
@@ -142,7 +157,7 @@ async def test_a_time_is_kept_and_relative_targets_count_from_where_the_axes_sta
     )
     await group.wait(20)
     assert [axis.status.position for axis in axes[:2]] == [1500, -2000]
-    assert group.result["duration_s"] == pytest.approx(7.5, abs=0.02)
+    assert result_of(group)["duration_s"] == pytest.approx(7.5, abs=0.02)
     with pytest.raises(BadValue, match="1 step/s"):
         go(stack, 1501, -2001, at_least=100.0)
 
@@ -177,8 +192,9 @@ async def test_shapes_of_the_axes_do_not_bend_the_line_and_come_back() -> None:
         starts, ends = watch.last((1, 0), (1, 1), (1, 2))
         assert len(set(starts)) == 1
         assert max(ends) - min(ends) < 0.01
+        objects = stack.node.objects
         assert [
-            await stack.node.objects.read_int(stack.node.objects.address(index, 0, axis), priority=1)
+            await objects.read_int(objects.address(index, 0, axis), priority=Priority.CONTROL)
             for index, axis in ((0x2010, 0), (0x6082, 0), (0x2012, 1), (0x2017, 1))
         ] == [2000, 3000, 10_000, 30_000]
         assert (0, 10) in speeds.seen
@@ -316,10 +332,11 @@ async def test_a_fault_of_one_axis_stops_the_others_at_once(stack) -> None:
     await until(lambda: axes[0].errand is not None and "stopped" in axes[0].errand, 0.05)
     await at_rest(stack, group)
     assert group.state is MotionState.FAILED
+    assert group.error is not None
     assert group.error.code == "axis_fault"
     assert (group.error.node, group.error.axis) == (1, 1)
     assert axes[1].status.state is PowerState.FAULT
-    assert axes[0].status.position < 100_000
+    assert standing(axes[0]) < 100_000
 
 
 async def test_an_emergency_that_comes_behind_the_fault_explains_it_and_holds_no_stop_up(stack) -> None:
@@ -330,6 +347,7 @@ async def test_an_emergency_that_comes_behind_the_fault_explains_it_and_holds_no
     stack.modules[1].apply(lambda module, now: module.axes[1].short("a", now))
     await until(lambda: axes[0].errand is not None and "stopped" in axes[0].errand, 0.05)
     await at_rest(stack, group)
+    assert group.error is not None
     assert group.error.code == "axis_fault"
     assert "2312" in group.error.message
 
@@ -359,6 +377,7 @@ async def test_a_lost_rpdo_of_one_axis_starts_none_for_long(stack, axis: int, nt
     group = go(stack, 200_000, -100_000, 30_000)
     await at_rest(stack, group)
     assert group.state is MotionState.FAILED
+    assert group.error is not None
     assert group.error.axis == axis
     if nth == 1:
         assert [a.status.position for a in axes] == [0, 0, 0]
@@ -387,9 +406,10 @@ async def test_a_sync_that_one_node_does_not_hear_stops_the_other(nth: int) -> N
         group = stack.network.move_together([(pair[0], MoveRequest(90_000)), (pair[1], MoveRequest(9000))])
         await at_rest(stack, group)
         assert group.state is MotionState.FAILED
+        assert group.error is not None
         assert group.error.node == 2
         assert pair[1].status.position == 0
-        assert pair[0].status.position < 20_000
+        assert standing(pair[0]) < 20_000
 
 
 async def test_a_sync_of_another_master_in_between_is_noticed(stack) -> None:
@@ -418,7 +438,7 @@ async def test_a_node_that_falls_silent_stops_the_others() -> None:
         assert await group.wait(20)
         assert group.state is MotionState.FAILED
         await until(lambda: not stack.modules[1].module.axes[0].moving, 5)
-        assert pair[0].status.position < 300_000
+        assert standing(pair[0]) < 300_000
 
 
 async def test_while_somebody_has_the_sync_for_long_no_group_starts(stack) -> None:

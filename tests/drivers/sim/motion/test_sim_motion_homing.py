@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import pytest
 from sim_motion_bench import Bench
 
@@ -27,9 +30,8 @@ def next_index(place: int, direction: int) -> int:
     return place
 
 
-def homing(start: int, method: int, *, fast: int = 50_000, slow: int = 5000, **settings: object) -> Bench:
-    values = {name: getattr(TRAVEL, name) for name in AxisSettings.__slots__} | {"start": start} | settings
-    bench = Bench(AxisSettings(**values))
+def homing(start: int, method: int, *, fast: int = 50_000, slow: int = 5000, **settings: Any) -> Bench:
+    bench = Bench(replace(TRAVEL, start=start, **settings))
     bench.write(0x6098, method)
     bench.write(0x6099, fast, sub=1)
     bench.write(0x6099, slow, sub=2)
