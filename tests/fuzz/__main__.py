@@ -38,14 +38,17 @@ MODULES = (
 Target = Callable[[bytes], bytes | None]
 
 
+def atheris() -> Any:
+    """The fuzzer, which `make fuzz` alone installs; the stubs that pyright brings for it are not whole."""
+    return importlib.import_module("atheris")
+
+
 def targets(*, instrumented: bool = False) -> dict[str, Target]:
     """What takes bytes and raises if they show a bug, by name."""
     sys.path[:0] = [str(TESTS / folder) for folder in FOLDERS]
     context: Any = nullcontext()
     if instrumented:
-        import atheris
-
-        context = atheris.instrument_imports(include=["app", "drivers"])
+        context = atheris().instrument_imports(include=["app", "drivers"])
     found: dict[str, Target] = {}
     with context:
         for module in map(importlib.import_module, MODULES):
@@ -66,8 +69,7 @@ def chosen(name: str, *, instrumented: bool = False) -> Target:
 
 def explore(name: str, seconds: int) -> None:
     """Look for inputs that break a target, guided by coverage; never returns."""
-    import atheris
-
+    fuzzer = atheris()
     target = chosen(name, instrumented=True)
     corpus, crashes = CORPUS / name, CORPUS / "crashes"
     for folder in (corpus, crashes):
@@ -85,8 +87,8 @@ def explore(name: str, seconds: int) -> None:
             raise
 
     options = [f"-max_total_time={seconds}", "-max_len=4096", "-timeout=60", "-print_final_stats=1"]
-    atheris.Setup([sys.argv[0], str(corpus), f"-artifact_prefix={crashes}/{name}-", *options], once)
-    atheris.Fuzz()
+    fuzzer.Setup([sys.argv[0], str(corpus), f"-artifact_prefix={crashes}/{name}-", *options], once)
+    fuzzer.Fuzz()
 
 
 def main() -> None:

@@ -53,7 +53,7 @@ commands = st.builds(
     st.just(2),
     st.integers(0, 2),
 ) | st.builds(
-    lambda chosen, axis: wrote(*chosen, axis),
+    lambda chosen, axis: wrote(chosen[0], chosen[1], chosen[2], axis),
     st.sampled_from(((0x6060, 1, 1), (0x6060, 3, 1), (0x6060, 6, 1), (0x607A, 5000, 4), (0x60FF, 9000, 4))),
     st.integers(0, 2),
 )
@@ -168,7 +168,7 @@ def arguments(draw: st.DrawFn) -> tuple[str, dict[str, object]]:
     name = draw(st.sampled_from(sorted(COMMANDS)) | st.text(max_size=8))
     known = [parameter.name for parameter in COMMANDS[name].parameters] if name in COMMANDS else []
     near = st.sampled_from(("negative", "home", "0x181", "operational", 0, 1, 2, 0.5, True)) | json_values
-    given_ = {key: draw(near) for key in known if draw(st.integers(0, 9))}
+    given_: dict[str, object] = {key: draw(near) for key in known if draw(st.integers(0, 9))}
     return name, given_ | draw(st.dictionaries(st.text(max_size=4), json_values, max_size=1))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import random
 from collections.abc import Awaitable, Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from seed_invariants import HIGHEST_SPEED
 from seed_joint import Together, follow, move_together, some_axes
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 PATIENCE = 60.0
 """Seconds in which every command but a motion answers, whatever happens."""
+ENDS: tuple[dict[str, Any], ...] = ({}, {}, {"duration_s": 0.7}, {"travel": 4_321}, {"held": True})
+"""Ways in which a velocity may end by itself; two of five have none."""
 _READS = (objects.STATUSWORD, objects.POSITION, objects.PROFILE_VELOCITY, 0x1008, 0x1018)
 
 
@@ -88,7 +90,7 @@ class Client:
     async def _velocity(self, axis: Axis) -> None:
         velocity = self._rng.choice((-HIGHEST_SPEED, -300, 0, 5_000, HIGHEST_SPEED))
         acceleration = self._rng.choice((None, 90_000))
-        end = self._rng.choice(({}, {}, {"duration_s": 0.7}, {"travel": 4_321}, {"held": True}))
+        end = self._rng.choice(ENDS)
         request = VelocityRequest(velocity, acceleration, **(end if velocity else {}))
         await self._follow(axis, axis.run_at(request, on_busy=self._on_busy()))
 

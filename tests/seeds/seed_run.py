@@ -161,7 +161,9 @@ def _nothing_is_left(world: World) -> None:
 
 async def _abandon() -> None:
     """A run that failed is not closed in order: end whatever still runs."""
-    asyncio.get_running_loop().on_instant = lambda: None
+    loop = asyncio.get_running_loop()
+    assert isinstance(loop, VirtualLoop)
+    loop.on_instant = lambda: None
     for _ in range(5):
         tasks = [task for task in asyncio.all_tasks() if task is not asyncio.current_task()]
         for task in tasks:

@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 from seed_run import run
 
-from drivers.cia301.sdo import Done, SdoTransfer, SdoUpload
+from drivers.cia301.sdo import Done, SdoUpload
 from drivers.cia402.modes import Mode
 from drivers.cia402.power import Controlword
 from drivers.master import Axis, Network
 from drivers.master.drive import stopping
 from drivers.master.drive.drive import Drive
-from drivers.master.ground.router import Router
+from drivers.master.ground.router import Handler, Router
 from drivers.master.motions import profile_position
 from drivers.master.motions.motion import Undertaking
 from drivers.master.sdo.client import SdoClient
@@ -40,7 +40,7 @@ def a_relative_move_is_sent_twice(patch: pytest.MonkeyPatch) -> None:
 def any_answer_is_taken_for_the_awaited_one(patch: pytest.MonkeyPatch) -> None:
     feed = SdoUpload.feed
 
-    def careless(self: SdoTransfer, data: bytes) -> Any:
+    def careless(self: SdoUpload, data: bytes) -> Any:
         step = feed(self, data)
         return Done(data[4:]) if data[0] & 0xE2 == 0x42 and not isinstance(step, Done) else step
 
@@ -63,7 +63,11 @@ def a_stop_is_acknowledged_before_standstill(patch: pytest.MonkeyPatch) -> None:
 def a_status_goes_to_the_wrong_axis(patch: pytest.MonkeyPatch) -> None:
     add = Router.add
     crossed = {0x181: 0x1FE, 0x1FE: 0x181}  # TPDO 1 of the first two axes of node 1
-    patch.setattr(Router, "add", lambda self, cob_id, *more: add(self, crossed.get(cob_id, cob_id), *more))
+
+    def wrong(self: Router, cob_id: int, handler: Handler) -> None:
+        add(self, crossed.get(cob_id, cob_id), handler)
+
+    patch.setattr(Router, "add", wrong)
 
 
 def an_axis_is_enabled_when_its_node_comes_back(patch: pytest.MonkeyPatch) -> None:

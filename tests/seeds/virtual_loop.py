@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import heapq
+from collections import deque
 from collections.abc import Callable
 from contextvars import Context, ContextVar, copy_context
 
@@ -37,6 +38,11 @@ class Livelock(Exception):
 
 class VirtualLoop(asyncio.BaseEventLoop):
     """See the module. It knows no files, sockets or threads."""
+
+    # what BaseEventLoop has, and its types conceal
+    _ready: deque[asyncio.Handle]
+    _scheduled: list[asyncio.TimerHandle]
+    _stopping: bool
 
     def __init__(self) -> None:
         super().__init__()
