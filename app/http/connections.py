@@ -44,7 +44,7 @@ class BoundedHttp(HttpToolsProtocol):
     _head_since: float | None = None
     _stuck_since: float | None = None
 
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+    def connection_made(self, transport: asyncio.Transport) -> None:
         """A client connected: its request must come soon. If there are too many, another makes room."""
         super().connection_made(transport)
         self._head_since = self.loop.time()

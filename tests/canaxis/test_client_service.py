@@ -179,7 +179,7 @@ def test_refusals_come_as_classes_with_hints(client: Client) -> None:
     with pytest.raises(BadValue, match="furlong"):
         client.node("stage").axis("x").move(5, "furlong")
     with pytest.raises(BadValue, match=r"target.*number"):
-        client.node("stage").axis("x").move("far", "mm")  # type: ignore[arg-type]
+        client.node("stage").axis("x").move("far", "mm")  # pyright: ignore[reportArgumentType] - as a script may have it
     with pytest.raises(UnknownNode):
         client.node("nowhere?").status()
 

@@ -60,7 +60,7 @@ def test_points_that_come_asynchronously_need_the_other_client() -> None:
         yield 0.0, (0,)
 
     with Client("http://x", http=httpx.Client()) as client, pytest.raises(TypeError, match="AsyncClient"):
-        client.trajectory(AXES, later())  # type: ignore[arg-type]
+        client.trajectory(AXES, later())  # pyright: ignore[reportArgumentType] - the mistake in question
 
 
 async def test_a_path_is_followed(bench: Bench) -> None:

@@ -79,7 +79,7 @@ class Unasked:
                     self.frames.append(frame)
             send(frame, urgent=urgent, answered=answered)
 
-        stack.port.send = watched  # type: ignore[method-assign]
+        stack.port.send = watched
 
 
 def consistent(stack: Stack) -> None:

@@ -138,7 +138,9 @@ class TestService:
         axis.move(0.5, "mm").wait(timeout=30)
         assert simulated_port.panel(1).state().axes[0].position == 51_200 * 0.5 / 4
         with Client(canaxis_service.url) as another:
-            assert another.node(1).axis(0).status().position.value == 0.5
+            position = another.node(1).axis(0).status().position
+            assert position is not None
+            assert position.value == 0.5
         assert "Canaxis listens on" in canaxis_service.output
 
 

@@ -16,6 +16,7 @@ from drivers.cia402 import objects
 from drivers.errors import CanaxisError
 from drivers.master import Axis, HomeRequest, Motion, MoveRequest, StopOutcome, VelocityRequest
 from drivers.master.motions.motion import Undertaking
+from drivers.master.node.node import Node
 from drivers.master.plan.requests import OnBusy, SetPositionRequest
 
 MODEL = "TMCM-3216"
@@ -216,7 +217,9 @@ class Client:
 
     async def _write(self, axis: Axis) -> None:
         value = self._rng.choice((20_000, 51_200))
-        await axis.node.write(self._address(axis, objects.PROFILE_VELOCITY), value)
+        node = axis.node
+        assert isinstance(node, Node)
+        await node.write(self._address(axis, objects.PROFILE_VELOCITY), value)
 
     async def _look(self, axis: Axis) -> None:
         """At the operations, as the service shows them."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -256,9 +257,9 @@ class Invariants:
                     return self._book(node_id, axis), kind
         return None
 
-    def _module_hears(self, node_id: int, frames: object) -> None:
+    def _module_hears(self, node_id: int, frames: Sequence[Frame]) -> None:
         node = self._world.modules[node_id]
-        for frame in frames:  # type: ignore[attr-defined]
+        for frame in frames:
             if frame.cob_id == self._beat and len(frame.data) == 1 and not node.faults.deaf:
                 self._beat_at[node_id] = self._now
 

@@ -76,7 +76,7 @@ async def test_reading_everything_sends_nothing_that_moves_or_writes(bench: Benc
         sent.append(frame)
         original(frame, urgent=urgent, answered=answered)
 
-    bench.master_port.send = note  # type: ignore[method-assign]
+    bench.master_port.send = note
     for path in READ:
         for method in ("GET", "HEAD"):
             response = await bench.client.request(method, path)

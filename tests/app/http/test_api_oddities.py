@@ -172,7 +172,8 @@ async def test_no_token_is_ever_logged(
     caplog.set_level(logging.WARNING, "httpx")  # the client's own log
     secret, wrong = "correct-horse-battery-9", "wrong-horse-staple-x"
     async with running(Configuration.model_validate({"server": {"token": secret}})) as bench:
-        bench.service.network.stop_all = None  # type: ignore[assignment] # a bug: the loudest that we can be
+        # a bug, the loudest that we can be
+        bench.service.network.stop_all = None  # pyright: ignore[reportAttributeAccessIssue]
         for token in (secret, wrong):
             headers = {"Authorization": f"Bearer {token}"}
             await bench.get(f"/nodes?token={token}", headers=headers)

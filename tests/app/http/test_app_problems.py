@@ -10,6 +10,7 @@ from app.http.problems import (
     PROBLEM_TYPES,
     ApiError,
     ProblemReply,
+    ProblemType,
     of_api_error,
     of_driver_error,
     of_status,
@@ -33,8 +34,8 @@ def test_every_driver_error_has_a_row_of_its_own(kind: type[errors.CanaxisError]
 
 
 @pytest.mark.parametrize("row", PROBLEM_TYPES.values(), ids=PROBLEM_TYPES)
-def test_every_row_says_what_to_do(row: object) -> None:
-    _, status, title, explanation, wait = row  # type: ignore[misc]
+def test_every_row_says_what_to_do(row: ProblemType) -> None:
+    _, status, title, explanation, wait = row
     assert 400 <= status <= 599
     assert wait is None or status in (409, 423, 429, 503), "waiting helps against what passes by itself"
     assert title

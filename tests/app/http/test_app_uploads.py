@@ -39,7 +39,7 @@ def body(*pieces: bytes, pause: float = 0.0, end: Message | None = None) -> Rece
 
 
 def uploads(**more: float) -> Uploads:
-    return Uploads(**{"max_bytes": 1000, "idle_timeout": 10.0, "total_timeout": 60.0, **more})  # type: ignore[arg-type]
+    return Uploads(**{"max_bytes": 1000, "idle_timeout": 10.0, "total_timeout": 60.0, **more})
 
 
 async def refused(taking: Awaitable[object]) -> tuple[int, str]:

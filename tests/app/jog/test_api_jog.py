@@ -543,10 +543,10 @@ async def beginning(bench: Bench, **headers: str) -> AsyncIterator[JogClient]:
 
     async with JogClient(bench.app, **headers) as client:
         await client.next("hello")
-        store.commit = slowly  # pyright: ignore[reportAttributeAccessIssue]
+        store.commit = slowly
         client.hold()
         await asyncio.wait_for(asked.wait(), 1)
-        store.commit = commit  # pyright: ignore[reportAttributeAccessIssue]
+        store.commit = commit
         yield client
         on.set()
         await asyncio.sleep(SILENCE / 2)

@@ -254,10 +254,10 @@ async def test_a_lease_that_ends_while_the_record_is_written_begins_nothing(benc
 
     async def meanwhile(*statements: Any) -> bool:
         await bench.service.leases.release(lease["id"], lease["token"])
-        bench.service.store.commit = commit  # pyright: ignore[reportAttributeAccessIssue]
+        bench.service.store.commit = commit
         return await commit(*statements)
 
-    bench.service.store.commit = meanwhile  # pyright: ignore[reportAttributeAccessIssue]
+    bench.service.store.commit = meanwhile
     body = {"target": 100, "unit": "steps"}
     assert refused(await bench.post("/nodes/1/axes/0/move", body, headers=under(lease))) == "lease_lost"
     assert (await bench.get("/operations")).json()["operations"] == []

@@ -220,7 +220,7 @@ async def test_an_axis_beyond_its_limits_may_move_back_and_a_dry_run_says_so(low
             assert (refused["accepted"], refused["begins"]) == (False, None)
             assert [one["code"] for one in refused["obstacles"]] == ["beyond_limits"]
             assert (await bench.post(f"{AXIS}/move", {"unit": "steps", **beyond})).status_code == 422
-        assert (await bench.move(**back, wait=60)).json()["state"] == "succeeded"
+        assert (await bench.move(back["target"], wait=60)).json()["state"] == "succeeded"
 
 
 # --- remedies

@@ -150,7 +150,7 @@ async def test_a_key_is_written_down_with_its_operation_or_before_the_command(be
         seen.append([(s.sql.split()[4], s.values[0] if "keys" in s.sql else s.values[4]) for s in statements])
         return done
 
-    bench.service.store.commit = watch  # pyright: ignore[reportAttributeAccessIssue]
+    bench.service.store.commit = watch
     await bench.post("/nodes/1/axes/0/move", RELATIVE, headers={"Idempotency-Key": "moves"})
     await bench.post("/nodes/1/axes/1/enable", headers={"Idempotency-Key": "enables"})
     moves, enables = "anonymous:moves", "anonymous:enables"

@@ -67,7 +67,7 @@ def test_wherever_the_rows_stop_coming_those_kept_back_are_enough_to_come_to_res
     for kept in range(reserve + 1, len(rows), 2):
         playback = Playback((0.0, 0.0), (braking, braking), reserve, (1.0, 1.0))
         playback.feed(rows[:kept])
-        sent = [(0, 0), (0, 0)]
+        sent: list[tuple[int, ...]] = [(0, 0), (0, 0)]
         while (row := playback.next()) is not None:
             sent.append(row)
         assert playback.cause is Cause.UNDER_RUN

@@ -414,12 +414,12 @@ async def test_a_snapshot_does_not_change_afterwards(panel: ModulePanel) -> None
     panel.block(0)
     assert not before.axes[0].blocked
     with pytest.raises(dataclasses.FrozenInstanceError):
-        before.powered = False  # type: ignore[misc]
+        before.powered = False  # pyright: ignore[reportAttributeAccessIssue] - which is frozen
 
 
 async def test_the_typed_methods_check_what_they_are_given(panel: ModulePanel) -> None:
     with pytest.raises(BadValue, match="one of negative, positive, home"):
-        panel.press_switch(0, "left")  # type: ignore[arg-type]
+        panel.press_switch(0, "left")  # pyright: ignore[reportArgumentType] - no switch
     assert COMMANDS["press_switch"].summary == "Press a switch by hand."
     assert panel.state().axes[0].pressed == ()
 

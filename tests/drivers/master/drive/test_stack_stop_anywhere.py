@@ -128,7 +128,7 @@ async def begun(case: Case, axis: Axis) -> tuple[Motion | None, asyncio.Task[Non
     what = case.begin(axis)
     if isinstance(what, Motion):
         return what, None
-    return None, asyncio.ensure_future(what)  # type: ignore[arg-type]
+    return None, asyncio.ensure_future(what)
 
 
 async def ended(task: asyncio.Task[None] | None) -> None:
@@ -206,6 +206,7 @@ async def test_a_stop_returns_at_standstill_though_the_last_status_is_of_the_tim
     silence.end()
     await stopping
     assert not motor.moving
+    assert motion is not None
     assert motion.state is MotionState.CANCELLED
     await stands_for_good(stack, CASES[name], axis)
 

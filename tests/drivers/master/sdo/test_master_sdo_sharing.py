@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable
+from collections.abc import Coroutine
+from typing import Any
 
 import pytest
 from scripted_peer import ScriptedPeer
@@ -25,11 +26,11 @@ def peer() -> ScriptedPeer:
     return ScriptedPeer(TIMING)
 
 
-async def started(call: Awaitable[bytes | None]) -> asyncio.Task[bytes | None]:
+async def started(call: Coroutine[Any, Any, bytes | None]) -> asyncio.Task[bytes | None]:
     """A task that has come as far as it can without an answer."""
-    task = asyncio.ensure_future(call)
+    task = asyncio.create_task(call)
     await asyncio.sleep(0)
-    return task  # type: ignore[return-value]
+    return task
 
 
 def answer(peer: ScriptedPeer, value: int, address: Address = POSITION) -> None:

@@ -11,6 +11,7 @@ from drivers.cia402.power import PowerState
 from drivers.sim.motion import load
 from drivers.sim.motion.axis import SimulatedAxis
 from drivers.sim.motion.travel import AxisSettings
+from drivers.sim.motion.troubles import Bridge
 
 S = PowerState
 
@@ -85,9 +86,9 @@ def test_the_temperature_warns_first_and_switches_off_then() -> None:
 
 
 @pytest.mark.parametrize(("bridge", "cause", "flags"), [("a", 1, 4), ("b", 2, 8)])
-def test_an_open_load_is_a_warning(bridge: str, cause: int, flags: int) -> None:
+def test_an_open_load_is_a_warning(bridge: Bridge, cause: int, flags: int) -> None:
     bench = running()
-    bench.axis.open_load(bridge, bench.now)  # type: ignore[arg-type]
+    bench.axis.open_load(bridge, bench.now)
     assert bench.heard() == [(0x1000, cause, 1)]
     assert (bench.velocity, bench.bit(7), bench.read(0x2102)) == (50_000, True, flags)
     bench.axis.mend(bench.now)
