@@ -18,6 +18,7 @@ from canopen_kit import objects
 
 import drivers.devices
 from drivers.bus.memory import MemoryWire
+from drivers.cia301.objects import Address
 from drivers.devices.catalog import Catalog
 from drivers.sim.runner import SimulatedNode, simulated_node
 from drivers.sim.socketcand import SocketcandServer
@@ -103,7 +104,7 @@ async def test_every_object_is_read(peer: canopen.RemoteNode) -> None:
 async def test_every_rw_object_is_written_at_its_limits_and_refused_beyond(peer: canopen.RemoteNode) -> None:
     special = range(0x1400, 0x1C00)  # rules of their own, tested below
 
-    def refused(address, data: bytes) -> int | None:
+    def refused(address: Address, data: bytes) -> int | None:
         try:
             peer.sdo.download(address.index, address.sub, data)
         except canopen.SdoAbortedError as error:

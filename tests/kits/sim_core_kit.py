@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from functools import lru_cache
-from typing import cast
+from typing import Any, cast
 
 from drivers.bus.frame import Frame
 from drivers.cia301.emcy import Emergency
@@ -13,7 +13,9 @@ from drivers.cia301.sdo import AbortCode, SdoAbort
 from drivers.cia402.power import PowerState
 from drivers.devices.catalog import Catalog
 from drivers.devices.profile import DeviceProfile
+from drivers.sim.interface import AxisParameters, RaiseEmergency
 from drivers.sim.module import BuildAxis, SimulatedModule
+from drivers.sim.motion.travel import AxisSettings
 
 
 @lru_cache
@@ -24,7 +26,9 @@ def profile() -> DeviceProfile:
 class StandIn:
     """An axis that does what the test says; its position is a function of time while it moves."""
 
-    def __init__(self, axis, parameters, settings, raise_emergency) -> None:
+    def __init__(
+        self, axis: int, parameters: AxisParameters, settings: AxisSettings, raise_emergency: RaiseEmergency
+    ) -> None:
         self.axis, self.parameters, self.raise_emergency = axis, parameters, raise_emergency
         self.state = PowerState.SWITCH_ON_DISABLED
         self.speed = 0
@@ -38,15 +42,15 @@ class StandIn:
     def moving(self) -> bool:
         return bool(self.speed)
 
-    def may_write(self, base_index, sub, value, now):
+    def may_write(self, base_index: int, sub: int, value: int, now: float):
         return self.vetoes.get(base_index)
 
-    def written(self, base_index, sub, value, now):
+    def written(self, base_index: int, sub: int, value: int, now: float):
         if base_index in self.failing:
             raise SdoAbort(AbortCode.LOCAL_CONTROL)
         self.log.append((base_index, sub, value))
 
-    def read(self, base_index, sub, now):
+    def read(self, base_index: int, sub: int, now: float):
         live = {
             0x6041: self.statusword,
             0x6064: round(self.speed * now),
@@ -55,29 +59,29 @@ class StandIn:
         }
         return live.get(base_index)
 
-    def advance(self, now):
+    def advance(self, now: float):
         pass
 
-    def next_event(self, now):
+    def next_event(self, now: float):
         return None
 
-    def sync(self, now):
+    def sync(self, now: float):
         self.log.append(("sync", now))
 
-    def nmt_stopped(self, now):
+    def nmt_stopped(self, now: float):
         self.log.append(("nmt_stopped", now))
 
-    def reset(self, now):
+    def reset(self, now: float):
         self.log.append(("reset", now))
 
-    def power_off(self, now):
+    def power_off(self, now: float):
         self.log.append(("power_off", now))
 
 
 class Bench:
     """A powered module, node 1 unless told otherwise, with stand-ins for its axes."""
 
-    def __init__(self, node_id: int = 1, **options) -> None:
+    def __init__(self, node_id: int = 1, **options: Any) -> None:
         self.module = SimulatedModule(profile(), node_id, build_axis=cast("BuildAxis", StandIn), **options)
         self.now = 0.0
         self.boot = self.module.power_on(self.now)

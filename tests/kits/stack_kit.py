@@ -6,6 +6,7 @@ import asyncio
 from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field
+from typing import Any
 
 from drivers.bus.memory import MemoryBus, MemoryWire
 from drivers.cia301.objects import Address
@@ -20,6 +21,7 @@ from drivers.master import (
     NodeState,
     Timing,
 )
+from drivers.master.motions.motion import Undertaking
 from drivers.sim.module import SimulatedModule
 from drivers.sim.runner import SimulatedNode
 
@@ -32,6 +34,18 @@ async def until(condition: Callable[[], bool], seconds: float = 20.0) -> None:
     async with asyncio.timeout(seconds):
         while not condition():  # noqa: ASYNC110 - nothing tells, and the clock is virtual
             await asyncio.sleep(0.005)
+
+
+def position_of(axis: Axis) -> int:
+    """Where the axis is, steps; fails while that isn't known."""
+    assert axis.status.position is not None
+    return axis.status.position
+
+
+def result_of(undertaking: Undertaking) -> dict[str, Any]:
+    """What it came to; fails where there is nothing to tell."""
+    assert undertaking.result is not None, undertaking.error
+    return dict(undertaking.result)
 
 
 class NeverAbove:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 from collections import deque
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 
 import pytest
 
@@ -58,7 +58,7 @@ class Wire:
         self.batches.append(len(batch))
         self.arrivals.append(self._loop.time())
 
-    def _add(self, _descriptor: int, callback) -> None:
+    def _add(self, _descriptor: int, callback: Callable[[], None]) -> None:
         self._callback = callback
 
     def _remove(self, _descriptor: int) -> None:
@@ -150,7 +150,9 @@ async def test_no_rest_is_longer_than_the_kernel_can_hold_frames_for(wire: Wire)
     assert reading.REST[1] * full_bus_of_empty_frames < 250, "what a default receive buffer holds"
 
 
-async def test_an_answer_is_taken_without_asking_for_a_second_frame(wire: Wire, monkeypatch) -> None:
+async def test_an_answer_is_taken_without_asking_for_a_second_frame(
+    wire: Wire, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Where the descriptor shows what is left, and only in the first look after something was sent."""
     limits: list[int] = []
     drain = wire.drain

@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Sequence
 
 import pytest
+from bus_listener import Listener
 
 from drivers.bus.base import BusCounters, BusState
 from drivers.bus.faults import cob_id
@@ -27,7 +28,7 @@ async def turn() -> None:
     await asyncio.sleep(0)
 
 
-async def test_the_lowest_identifier_wins_among_the_ports(wire, listen):
+async def test_the_lowest_identifier_wins_among_the_ports(wire: MemoryWire, listen: type[Listener]):
     one, two, three = await ports(wire, 3)
     heard = listen(three)
     one.send(Frame(0x601))
@@ -39,7 +40,7 @@ async def test_the_lowest_identifier_wins_among_the_ports(wire, listen):
     assert len(heard.batches) == 1
 
 
-async def test_of_equal_identifiers_each_port_keeps_its_order(wire, listen):
+async def test_of_equal_identifiers_each_port_keeps_its_order(wire: MemoryWire, listen: type[Listener]):
     one, two, three = await ports(wire, 3)
     heard = listen(three)
     for number in range(3):
@@ -50,7 +51,7 @@ async def test_of_equal_identifiers_each_port_keeps_its_order(wire, listen):
         assert [frame.data[1] for frame in heard.frames if frame.data[0] == port] == [0, 1, 2]
 
 
-async def test_a_sender_does_not_hear_itself_and_everyone_else_does(wire, listen):
+async def test_a_sender_does_not_hear_itself_and_everyone_else_does(wire: MemoryWire, listen: type[Listener]):
     opened = await ports(wire, 3)
     heard = [listen(port) for port in opened]
     opened[0].send(Frame(0x701, b"\x05"))
@@ -60,7 +61,7 @@ async def test_a_sender_does_not_hear_itself_and_everyone_else_does(wire, listen
     assert opened[1].counters == BusCounters(received=1)
 
 
-async def test_urgent_frames_overtake_what_waits(wire, listen):
+async def test_urgent_frames_overtake_what_waits(wire: MemoryWire, listen: type[Listener]):
     one, two = await ports(wire, 2)
     heard = listen(two)
     one.send(Frame(0x201))
@@ -70,7 +71,7 @@ async def test_urgent_frames_overtake_what_waits(wire, listen):
     assert [frame.cob_id for frame in heard.frames] == [0x77F, 0x201, 0x601]
 
 
-async def test_with_a_bit_rate_each_frame_takes_its_time(listen):
+async def test_with_a_bit_rate_each_frame_takes_its_time(listen: type[Listener]):
     wire = MemoryWire(bit_rate=1_000_000)
     one, two = await ports(wire, 2)
     heard = listen(two)
@@ -81,7 +82,7 @@ async def test_with_a_bit_rate_each_frame_takes_its_time(listen):
     assert heard.frames[1].timestamp - start == pytest.approx(158e-6, abs=3e-6)
 
 
-async def test_a_frame_on_the_wire_is_not_interrupted_by_a_better_one(listen):
+async def test_a_frame_on_the_wire_is_not_interrupted_by_a_better_one(listen: type[Listener]):
     wire = MemoryWire(bit_rate=125_000)
     one, two, three = await ports(wire, 3)
     heard = listen(three)
@@ -93,7 +94,7 @@ async def test_a_frame_on_the_wire_is_not_interrupted_by_a_better_one(listen):
     assert [frame.cob_id for frame in heard.frames] == [0x601, 0x080, 0x602]
 
 
-async def test_timestamps_are_the_loops_time(wire, listen):
+async def test_timestamps_are_the_loops_time(wire: MemoryWire, listen: type[Listener]):
     one, two = await ports(wire, 2)
     heard = listen(two)
     await asyncio.sleep(3)
@@ -102,7 +103,7 @@ async def test_timestamps_are_the_loops_time(wire, listen):
     assert heard.frames[0].timestamp == asyncio.get_running_loop().time()
 
 
-async def test_unplugged_a_port_is_deaf_and_mute_until_plugged_in(wire, listen):
+async def test_unplugged_a_port_is_deaf_and_mute_until_plugged_in(wire: MemoryWire, listen: type[Listener]):
     one, two = await ports(wire, 2)
     heard, states = listen(two), listen(one)
     one.send(Frame(0x201))
@@ -120,7 +121,7 @@ async def test_unplugged_a_port_is_deaf_and_mute_until_plugged_in(wire, listen):
     assert one.counters == BusCounters(sent=1, dropped=1, reopened=1)
 
 
-async def test_an_unplugged_port_does_not_open(wire):
+async def test_an_unplugged_port_does_not_open(wire: MemoryWire):
     port = wire.port("port")
     port.unplug()
     with pytest.raises(BusDown, match="unplugged"):
@@ -130,7 +131,9 @@ async def test_an_unplugged_port_does_not_open(wire):
     assert port.state is BusState.ACTIVE
 
 
-async def test_bus_off_is_seen_by_its_error_frame_and_ends_by_recovery(wire, listen):
+async def test_bus_off_is_seen_by_its_error_frame_and_ends_by_recovery(
+    wire: MemoryWire, listen: type[Listener]
+):
     one, two = await ports(wire, 2)
     mine, theirs = listen(one), listen(two)
     one.bus_off()
@@ -144,7 +147,7 @@ async def test_bus_off_is_seen_by_its_error_frame_and_ends_by_recovery(wire, lis
     assert [state for state, _ in mine.states] == [BusState.BUS_OFF, BusState.ACTIVE]
 
 
-async def test_error_counters_degrade_a_port_that_still_sends(wire, listen):
+async def test_error_counters_degrade_a_port_that_still_sends(wire: MemoryWire, listen: type[Listener]):
     one, two = await ports(wire, 2)
     heard = listen(two)
     one.degrade(BusState.PASSIVE)
@@ -155,7 +158,9 @@ async def test_error_counters_degrade_a_port_that_still_sends(wire, listen):
         one.degrade(BusState.DOWN)
 
 
-async def test_a_held_port_fills_up_and_keeps_room_for_urgent_frames(wire, listen):
+async def test_a_held_port_fills_up_and_keeps_room_for_urgent_frames(
+    wire: MemoryWire, listen: type[Listener]
+):
     one, two = await ports(wire, 2)
     heard = listen(two)
     one.hold()
@@ -175,7 +180,7 @@ async def test_a_held_port_fills_up_and_keeps_room_for_urgent_frames(wire, liste
     assert one.counters.dropped == 2
 
 
-async def test_what_was_held_for_long_never_leaves(wire, listen):
+async def test_what_was_held_for_long_never_leaves(wire: MemoryWire, listen: type[Listener]):
     one, two = await ports(wire, 2)
     heard = listen(two)
     one.hold()
@@ -187,7 +192,7 @@ async def test_what_was_held_for_long_never_leaves(wire, listen):
     assert one.counters == BusCounters(sent=1, dropped=1)
 
 
-async def test_faults_act_between_sender_and_receivers(wire, listen):
+async def test_faults_act_between_sender_and_receivers(wire: MemoryWire, listen: type[Listener]):
     one, two = await ports(wire, 2)
     heard = listen(two)
     wire.faults.drop(cob_id(0x181), count=1)
@@ -203,7 +208,7 @@ async def test_faults_act_between_sender_and_receivers(wire, listen):
     assert heard.frames[4].timestamp == pytest.approx(begin + 0.5, abs=0.01)
 
 
-async def test_a_tap_sees_what_crosses_the_wire_and_from_whom(wire):
+async def test_a_tap_sees_what_crosses_the_wire_and_from_whom(wire: MemoryWire):
     one, _ = await ports(wire, 2)
     seen: list[tuple[str, int]] = []
     end = wire.tap(lambda sender, frame: seen.append((sender, frame.cob_id)))
@@ -215,14 +220,14 @@ async def test_a_tap_sees_what_crosses_the_wire_and_from_whom(wire):
     assert seen == [("port 0", 0x181), ("", 0x281)]
 
 
-async def test_injected_frames_reach_every_port(wire, listen):
+async def test_injected_frames_reach_every_port(wire: MemoryWire, listen: type[Listener]):
     opened = await ports(wire, 2)
     heard = [listen(port) for port in opened]
     wire.inject(Frame(0x004, bytes(8), error=True))
     assert [each.frames[0].error for each in heard] == [True, True]
 
 
-async def test_closing_lets_out_what_waits(wire, listen):
+async def test_closing_lets_out_what_waits(wire: MemoryWire, listen: type[Listener]):
     one, two = await ports(wire, 2)
     heard = listen(two)
     one.send(Frame(0x000))
@@ -234,7 +239,7 @@ async def test_closing_lets_out_what_waits(wire, listen):
         one.send(Frame(0x000))
 
 
-async def test_closing_waits_no_longer_than_a_tenth_of_a_second(wire):
+async def test_closing_waits_no_longer_than_a_tenth_of_a_second(wire: MemoryWire):
     (one,) = await ports(wire, 1)
     one.hold()
     one.send(Frame(0x000))
@@ -244,7 +249,7 @@ async def test_closing_waits_no_longer_than_a_tenth_of_a_second(wire):
     assert one.counters.dropped == 1
 
 
-async def test_what_no_controller_can_send_is_refused(wire):
+async def test_what_no_controller_can_send_is_refused(wire: MemoryWire):
     (one,) = await ports(wire, 1)
     with pytest.raises(BadValue, match="no frame that a controller can send"):
         one.send(Frame(0x800))
@@ -252,7 +257,7 @@ async def test_what_no_controller_can_send_is_refused(wire):
         MemoryWire(bit_rate=0)
 
 
-async def test_a_handler_that_fails_leaves_the_others_their_frames(wire, listen):
+async def test_a_handler_that_fails_leaves_the_others_their_frames(wire: MemoryWire, listen: type[Listener]):
     one, two = await ports(wire, 2)
     complaints: list[dict[str, object]] = []
     asyncio.get_running_loop().set_exception_handler(lambda _, context: complaints.append(context))
@@ -276,7 +281,7 @@ async def test_a_handler_that_fails_leaves_the_others_their_frames(wire, listen)
     ]
 
 
-async def test_who_has_unsubscribed_hears_nothing_more(wire, listen):
+async def test_who_has_unsubscribed_hears_nothing_more(wire: MemoryWire, listen: type[Listener]):
     one, two = await ports(wire, 2)
     heard = listen(two)
     heard.stop()
@@ -286,7 +291,7 @@ async def test_who_has_unsubscribed_hears_nothing_more(wire, listen):
     assert heard.frames == []
 
 
-async def test_a_discarded_port_is_gone(wire, listen):
+async def test_a_discarded_port_is_gone(wire: MemoryWire, listen: type[Listener]):
     one, two = await ports(wire, 2)
     heard = listen(two)
     wire.discard(two)

@@ -12,6 +12,7 @@ from typing import Any
 import can
 import canopen
 import pytest
+from bus_listener import Listener
 from can.interfaces.virtual import VirtualBus
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -64,7 +65,9 @@ async def bus(server: SocketcandServer, open_bus: Open) -> PythonCanBus:
 # --- virtual: no descriptor
 
 
-async def test_a_thread_reads_an_interface_without_a_descriptor(open_bus, listen, request):
+async def test_a_thread_reads_an_interface_without_a_descriptor(
+    open_bus: Open, listen: type[Listener], request: pytest.FixtureRequest
+):
     one = await open_bus("virtual", request.node.name)
     two = await open_bus("virtual", request.node.name)
     heard = listen(two)
@@ -75,7 +78,9 @@ async def test_a_thread_reads_an_interface_without_a_descriptor(open_bus, listen
     assert one.counters.sent == two.counters.received == len(TRAVELLERS)
 
 
-async def test_a_thread_hands_over_what_gathered_in_batches(open_bus, listen, request):
+async def test_a_thread_hands_over_what_gathered_in_batches(
+    open_bus: Open, listen: type[Listener], request: pytest.FixtureRequest
+):
     one = await open_bus("virtual", request.node.name)
     two = await open_bus("virtual", request.node.name)
     heard = listen(two)
@@ -88,7 +93,7 @@ async def test_a_thread_hands_over_what_gathered_in_batches(open_bus, listen, re
 
 
 async def test_an_interface_that_takes_no_frame_in_time_is_full_and_not_gone(
-    open_bus, listen, request, monkeypatch
+    open_bus: Open, listen: type[Listener], request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 ):
     one = await open_bus("virtual", request.node.name)
     two = await open_bus("virtual", request.node.name)
@@ -108,7 +113,9 @@ async def test_an_interface_that_takes_no_frame_in_time_is_full_and_not_gone(
     assert states.states == []
 
 
-async def test_an_interface_that_fails_otherwise_is_gone(open_bus, listen, request, monkeypatch):
+async def test_an_interface_that_fails_otherwise_is_gone(
+    open_bus: Open, listen: type[Listener], request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+):
     bus = await open_bus("virtual", request.node.name)
     heard = listen(bus)
 
@@ -121,12 +128,12 @@ async def test_an_interface_that_fails_otherwise_is_gone(open_bus, listen, reque
     assert "firmware hangs" in await heard.state(BusState.DOWN)
 
 
-async def test_an_unknown_interface_is_said_in_a_sentence(open_bus):
+async def test_an_unknown_interface_is_said_in_a_sentence(open_bus: Open):
     with pytest.raises(BusDown, match="carrier-pigeon:can0 can't be opened"):
         await open_bus("carrier-pigeon", "can0")
 
 
-async def test_a_missing_socketcan_interface_is_said_in_a_sentence(open_bus):
+async def test_a_missing_socketcan_interface_is_said_in_a_sentence(open_bus: Open):
     with pytest.raises(BusDown, match="there is no CAN interface can77 here"):
         await open_bus("socketcan", "can77")
 
@@ -144,7 +151,9 @@ def test_the_name_says_which_bus_it_is():
 # --- socketcand: watched by the event loop
 
 
-async def test_frames_travel_both_ways_over_socketcand(bus, node, listen):
+async def test_frames_travel_both_ways_over_socketcand(
+    bus: PythonCanBus, node: MemoryBus, listen: type[Listener]
+):
     there, here = listen(node), listen(bus)
     for frame in TRAVELLERS:
         bus.send(frame)
@@ -154,7 +163,9 @@ async def test_frames_travel_both_ways_over_socketcand(bus, node, listen):
     assert isinstance(bus._reader, DescriptorReader)
 
 
-async def test_a_flood_arrives_whole_in_order_and_in_bounded_batches(bus, node, listen):
+async def test_a_flood_arrives_whole_in_order_and_in_bounded_batches(
+    bus: PythonCanBus, node: MemoryBus, listen: type[Listener]
+):
     heard = listen(bus)
     for start in range(0, 3000, 200):
         for number in range(start, start + 200):
@@ -166,7 +177,9 @@ async def test_a_flood_arrives_whole_in_order_and_in_bounded_batches(bus, node, 
     assert max(len(batch) for batch in heard.batches) <= 256
 
 
-async def test_several_clients_hear_each_other(open_bus, server, listen):
+async def test_several_clients_hear_each_other(
+    open_bus: Open, server: SocketcandServer, listen: type[Listener]
+):
     buses = [await open_bus("socketcand", "can0", port=server.port) for _ in range(3)]
     heard = [listen(bus) for bus in buses]
     for number, bus in enumerate(buses):
@@ -176,7 +189,9 @@ async def test_several_clients_hear_each_other(open_bus, server, listen):
         assert {frame.cob_id for frame in frames} == {0x180, 0x181, 0x182} - {0x180 + number}
 
 
-async def test_opening_succeeds_while_the_wire_is_busy(wire, server, node, open_bus, listen):
+async def test_opening_succeeds_while_the_wire_is_busy(
+    wire: MemoryWire, server: SocketcandServer, node: MemoryBus, open_bus: Open, listen: type[Listener]
+):
     async def chatter() -> None:
         while True:
             node.send(Frame(0x181, bytes(8)))
@@ -201,7 +216,7 @@ async def test_opening_succeeds_while_the_wire_is_busy(wire, server, node, open_
         st.tuples(st.integers(0, 0x1FFFFFFF), st.binary(max_size=8), st.booleans()), min_size=1, max_size=20
     )
 )
-def test_random_frames_survive_the_trip(listen, contents):
+def test_random_frames_survive_the_trip(listen: type[Listener], contents: list[tuple[int, bytes, bool]]):
     frames = [Frame(cob_id if ext else cob_id & 0x7FF, data, extended=ext) for cob_id, data, ext in contents]
 
     async def trip() -> list[Frame]:
@@ -225,7 +240,7 @@ def test_random_frames_survive_the_trip(listen, contents):
     assert asyncio.run(trip()) == frames
 
 
-async def test_a_missing_server_is_a_quick_and_clear_refusal(open_bus, unused_tcp_port):
+async def test_a_missing_server_is_a_quick_and_clear_refusal(open_bus: Open, unused_tcp_port: int):
     with pytest.raises(
         BusDown, match=f"nothing listens on 127.0.0.1:{unused_tcp_port}.*canaxis simulate"
     ) as refusal:
@@ -234,7 +249,7 @@ async def test_a_missing_server_is_a_quick_and_clear_refusal(open_bus, unused_tc
     assert "canaxis simulate" in refusal.value.hint
 
 
-async def test_another_kind_of_server_is_recognised(open_bus, monkeypatch):
+async def test_another_kind_of_server_is_recognised(open_bus: Open, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("drivers.bus.probe.GREETING", 0.1)
     greetings = [b"HTTP/1.1 400 >", b""]
     hung_up = asyncio.Event()
@@ -256,7 +271,9 @@ async def test_another_kind_of_server_is_recognised(open_bus, monkeypatch):
     impostor.close()
 
 
-async def test_the_bus_goes_down_with_its_server_and_comes_back_with_it(wire, open_bus, listen):
+async def test_the_bus_goes_down_with_its_server_and_comes_back_with_it(
+    wire: MemoryWire, open_bus: Open, listen: type[Listener]
+):
     server = SocketcandServer(wire, port=0)
     await server.start()
     bus = await open_bus("socketcand", "can0", port=server.port)
@@ -277,7 +294,7 @@ async def test_the_bus_goes_down_with_its_server_and_comes_back_with_it(wire, op
     await peer.close()
 
 
-async def test_a_server_that_reads_nothing_fills_the_queue_but_never_blocks(open_bus):
+async def test_a_server_that_reads_nothing_fills_the_queue_but_never_blocks(open_bus: Open):
     stalled = asyncio.Event()
     done = asyncio.Event()
 
@@ -317,7 +334,9 @@ async def test_a_server_that_reads_nothing_fills_the_queue_but_never_blocks(open
     server.close()
 
 
-async def test_error_frames_over_socketcand_tell_of_bus_off(bus, wire, listen):
+async def test_error_frames_over_socketcand_tell_of_bus_off(
+    bus: PythonCanBus, wire: MemoryWire, listen: type[Listener]
+):
     heard = listen(bus)
     wire.inject(Frame(0x040, bytes(8), error=True))
     assert "bus-off" in await heard.state(BusState.BUS_OFF)
@@ -329,7 +348,7 @@ async def test_error_frames_over_socketcand_tell_of_bus_off(bus, wire, listen):
     await heard.state(BusState.ACTIVE)
 
 
-async def test_canopen_joins_as_a_plain_client(server, node):
+async def test_canopen_joins_as_a_plain_client(server: SocketcandServer, node: MemoryBus):
     network = canopen.Network()
     heard: list[int] = []
     loop = asyncio.get_running_loop()
@@ -353,7 +372,9 @@ async def test_canopen_joins_as_a_plain_client(server, node):
         await asyncio.to_thread(network.disconnect)
 
 
-async def test_a_remote_request_passes_to_the_wire(server, node, listen):
+async def test_a_remote_request_passes_to_the_wire(
+    server: SocketcandServer, node: MemoryBus, listen: type[Listener]
+):
     heard = listen(node)
 
     def request() -> None:

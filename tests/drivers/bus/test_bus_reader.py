@@ -51,7 +51,9 @@ async def test_a_thread_hands_over_all_frames_before_the_loss() -> None:
     assert reasons == ["gone"]
 
 
-async def test_a_stalled_loop_costs_bounded_memory_and_the_loss_is_counted(monkeypatch) -> None:
+async def test_a_stalled_loop_costs_bounded_memory_and_the_loss_is_counted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(reader, "OVERRUN", 100)
     source, heard = Source(), []
     for number in range(150):

@@ -7,6 +7,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import AsyncExitStack, suppress
 
 import pytest
+from bus_listener import Listener
 
 from drivers.bus.frame import Frame
 from drivers.bus.memory import MemoryBus, MemoryWire
@@ -70,7 +71,9 @@ async def node(wire: MemoryWire) -> AsyncIterator[MemoryBus]:
     await node.close()
 
 
-async def test_a_client_hears_the_wire_and_the_wire_hears_the_client(dial, node, listen):
+async def test_a_client_hears_the_wire_and_the_wire_hears_the_client(
+    dial: Dial, node: MemoryBus, listen: type[Listener]
+):
     heard = listen(node)
     peer = await (await dial()).raw()
     node.send(Frame(0x701, b"\x05"))
@@ -79,7 +82,7 @@ async def test_a_client_hears_the_wire_and_the_wire_hears_the_client(dial, node,
     assert await heard.count(1) == [Frame(0x601, bytes([0x40, 0x41, 0x60, 0, 0, 0, 0, 0]))]
 
 
-async def test_clients_hear_each_other_but_not_themselves(dial, server):
+async def test_clients_hear_each_other_but_not_themselves(dial: Dial, server: SocketcandServer):
     one, two = await (await dial()).raw(), await (await dial()).raw()
     assert server.clients == 2
     one.say("< send 123 1 aa >")
@@ -88,7 +91,9 @@ async def test_clients_hear_each_other_but_not_themselves(dial, server):
     assert " BB >" in await one.hear()
 
 
-async def test_frames_wait_until_the_client_has_surely_read_the_answer(dial, node, monkeypatch):
+async def test_frames_wait_until_the_client_has_surely_read_the_answer(
+    dial: Dial, node: MemoryBus, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.setattr(socketcand, "HOLD_BACK", 3600.0)
     peer = await dial()
     await peer.hear()
@@ -105,7 +110,9 @@ async def test_frames_wait_until_the_client_has_surely_read_the_answer(dial, nod
     assert await peer.hear() == "< echo >"
 
 
-async def test_frames_held_back_come_by_themselves_after_a_while(dial, node, monkeypatch):
+async def test_frames_held_back_come_by_themselves_after_a_while(
+    dial: Dial, node: MemoryBus, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.setattr(socketcand, "HOLD_BACK", 0.02)
     peer = await (await dial()).raw()
     node.send(Frame(0x701, b"\x05"))
@@ -116,7 +123,9 @@ async def test_frames_held_back_come_by_themselves_after_a_while(dial, node, mon
     "command",
     ["< bcmmode >", "< stat 1 >", "<>", "nonsense >", "< send 123 3 1 >", "< send 800 0 >", "x" * 300],
 )
-async def test_what_is_not_understood_is_answered_and_counted(dial, server, command):
+async def test_what_is_not_understood_is_answered_and_counted(
+    dial: Dial, server: SocketcandServer, command: str
+):
     peer = await (await dial()).raw()
     peer.say(command)
     assert (await peer.hear()).startswith("< error ")
@@ -125,7 +134,7 @@ async def test_what_is_not_understood_is_answered_and_counted(dial, server, comm
     assert await peer.hear() == "< echo >"
 
 
-async def test_commands_may_come_in_pieces_and_together(dial, node, listen):
+async def test_commands_may_come_in_pieces_and_together(dial: Dial, node: MemoryBus, listen: type[Listener]):
     heard = listen(node)
     peer = await (await dial()).raw()
     peer.say("< send 1")
@@ -134,14 +143,14 @@ async def test_commands_may_come_in_pieces_and_together(dial, node, listen):
     assert [frame.cob_id for frame in await heard.count(3)] == [0x123, 0x124, 0x125]
 
 
-async def test_before_open_there_is_nothing_to_send_on(dial):
+async def test_before_open_there_is_nothing_to_send_on(dial: Dial):
     peer = await dial()
     await peer.hear()
     peer.say("< send 123 0 >")
     assert await peer.hear() == "< error unknown command >"
 
 
-async def test_an_unknown_channel_is_refused_and_the_connection_ends(dial):
+async def test_an_unknown_channel_is_refused_and_the_connection_ends(dial: Dial):
     peer = await dial()
     await peer.hear()
     peer.say("< open can7 >")
@@ -149,7 +158,9 @@ async def test_an_unknown_channel_is_refused_and_the_connection_ends(dial):
     assert await peer.at_end()
 
 
-async def test_a_frame_sent_just_before_hanging_up_still_goes_out(dial, node, listen, server):
+async def test_a_frame_sent_just_before_hanging_up_still_goes_out(
+    dial: Dial, node: MemoryBus, listen: type[Listener], server: SocketcandServer
+):
     heard = listen(node)
     peer = await (await dial()).raw()
     peer.say("< send 000 2 1 0 >")
@@ -157,12 +168,15 @@ async def test_a_frame_sent_just_before_hanging_up_still_goes_out(dial, node, li
     assert await heard.count(1) == [Frame(0x000, b"\x01\x00")]
 
 
-async def test_a_client_that_reads_nothing_is_cut_off_alone(dial, node, server, monkeypatch):
+async def test_a_client_that_reads_nothing_is_cut_off_alone(
+    dial: Dial, node: MemoryBus, server: SocketcandServer, monkeypatch: pytest.MonkeyPatch
+):
     monkeypatch.setattr(socketcand, "OUTPUT_LIMIT", 1000)
     slow, good = await (await dial()).raw(), await (await dial()).raw()
     slow.say("< echo >")
     good.say("< echo >")
     assert await good.hear() == "< echo >"
+    assert isinstance(slow.writer.transport, asyncio.Transport)
     slow.writer.transport.pause_reading()
     async with asyncio.timeout(30):
         while server.counters.cut_off == 0:
@@ -175,12 +189,12 @@ async def test_a_client_that_reads_nothing_is_cut_off_alone(dial, node, server, 
     assert (await good.hear()).startswith("< frame 701 ")
 
 
-async def test_a_taken_port_is_said_in_a_sentence(wire, server):
+async def test_a_taken_port_is_said_in_a_sentence(wire: MemoryWire, server: SocketcandServer):
     with pytest.raises(BusError, match=f"can't listen on 127.0.0.1:{server.port}"):
         await SocketcandServer(wire, port=server.port).start()
 
 
-async def test_closing_disconnects_everyone(dial, server):
+async def test_closing_disconnects_everyone(dial: Dial, server: SocketcandServer):
     peer = await (await dial()).raw()
     await server.close()
     await server.close()
@@ -188,7 +202,9 @@ async def test_closing_disconnects_everyone(dial, server):
     assert server.clients == 0
 
 
-async def test_a_lost_wire_ends_the_connection(dial, server, wire, node):
+async def test_a_lost_wire_ends_the_connection(
+    dial: Dial, server: SocketcandServer, wire: MemoryWire, node: MemoryBus
+):
     peer = await (await dial()).raw()
     peer.say("< echo >")
     await peer.hear()

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import os
+from collections.abc import AsyncIterator, Iterator
 
 import pytest
+from bus_listener import Listener
 
 from drivers.bus.base import BusCounters, BusState
 from drivers.bus.frame import Frame
@@ -69,7 +71,7 @@ class FakeWire:
 
 
 @pytest.fixture
-def fake(tmp_path):
+def fake() -> Iterator[FakeWire]:
     """A wire, whose links show a descriptor that never becomes readable."""
     reading, writing = os.pipe()
     FakeLink.pipe = reading
@@ -79,7 +81,7 @@ def fake(tmp_path):
 
 
 @pytest.fixture
-async def bus(fake):
+async def bus(fake: FakeWire) -> AsyncIterator[SupervisedBus]:
     bus = SupervisedBus("fake", fake.connect)
     await bus.open()
     yield bus
@@ -89,7 +91,7 @@ async def bus(fake):
 pytestmark = pytest.mark.looptime
 
 
-async def test_a_first_failure_is_raised_and_leaves_the_bus_closed(fake):
+async def test_a_first_failure_is_raised_and_leaves_the_bus_closed(fake: FakeWire):
     fake.there = False
     bus = SupervisedBus("fake", fake.connect)
     with pytest.raises(BusDown, match="nothing there"):
@@ -103,12 +105,12 @@ async def test_a_first_failure_is_raised_and_leaves_the_bus_closed(fake):
     await bus.close()
 
 
-async def test_opening_an_open_bus_changes_nothing(bus, fake):
+async def test_opening_an_open_bus_changes_nothing(bus: SupervisedBus, fake: FakeWire):
     await bus.open()
     assert len(fake.links) == 1
 
 
-async def test_opened_twice_at_once_the_bus_keeps_one_link(fake):
+async def test_opened_twice_at_once_the_bus_keeps_one_link(fake: FakeWire):
     bus = SupervisedBus("fake", fake.connect)
     await asyncio.gather(bus.open(), bus.open())
     bus.send(Frame(0x000))
@@ -116,7 +118,9 @@ async def test_opened_twice_at_once_the_bus_keeps_one_link(fake):
     await bus.close()
 
 
-async def test_a_full_interface_makes_frames_wait_and_urgent_ones_leave_first(bus, fake):
+async def test_a_full_interface_makes_frames_wait_and_urgent_ones_leave_first(
+    bus: SupervisedBus, fake: FakeWire
+):
     link = fake.links[0]
     link.full = True
     bus.send(Frame(0x201))
@@ -129,7 +133,7 @@ async def test_a_full_interface_makes_frames_wait_and_urgent_ones_leave_first(bu
     assert bus.counters == BusCounters(sent=3)
 
 
-async def test_an_urgent_frame_overtakes_at_once_what_waits(bus, fake):
+async def test_an_urgent_frame_overtakes_at_once_what_waits(bus: SupervisedBus, fake: FakeWire):
     link = fake.links[0]
     link.full = True
     bus.send(Frame(0x201))
@@ -142,7 +146,9 @@ async def test_an_urgent_frame_overtakes_at_once_what_waits(bus, fake):
     assert [frame.cob_id for frame in link.written] == [0x000, 0x201, 0x202]
 
 
-async def test_urgent_frames_leave_in_their_order_though_there_is_room_for_the_last(bus, fake):
+async def test_urgent_frames_leave_in_their_order_though_there_is_room_for_the_last(
+    bus: SupervisedBus, fake: FakeWire
+):
     """A halt and what follows it: the later one must not be undone by the earlier one."""
     link = fake.links[0]
     link.full = True
@@ -154,7 +160,9 @@ async def test_urgent_frames_leave_in_their_order_though_there_is_room_for_the_l
     assert [frame.data for frame in link.written] == [b"\x01", b"\x02", b"\x03"]
 
 
-async def test_overflow_is_raised_for_ordinary_frames_while_urgent_ones_have_room(bus, fake):
+async def test_overflow_is_raised_for_ordinary_frames_while_urgent_ones_have_room(
+    bus: SupervisedBus, fake: FakeWire
+):
     fake.links[0].full = True
     for _ in range(256):
         bus.send(Frame(0x201))
@@ -163,7 +171,7 @@ async def test_overflow_is_raised_for_ordinary_frames_while_urgent_ones_have_roo
     bus.send(Frame(0x000), urgent=True)
 
 
-async def test_frames_that_waited_too_long_never_leave(bus, fake):
+async def test_frames_that_waited_too_long_never_leave(bus: SupervisedBus, fake: FakeWire):
     link = fake.links[0]
     link.full = True
     bus.send(Frame(0x201))
@@ -174,7 +182,9 @@ async def test_frames_that_waited_too_long_never_leave(bus, fake):
     assert bus.counters.dropped == 1
 
 
-async def test_a_lost_wire_is_reopened_with_a_growing_and_bounded_pause(bus, fake, listen):
+async def test_a_lost_wire_is_reopened_with_a_growing_and_bounded_pause(
+    bus: SupervisedBus, fake: FakeWire, listen: type[Listener]
+):
     heard = listen(bus)
     fake.there = False
     fake.links[0].broken = True
@@ -196,7 +206,9 @@ async def test_a_lost_wire_is_reopened_with_a_growing_and_bounded_pause(bus, fak
     assert bus.counters == BusCounters(sent=1, reopened=1)
 
 
-async def test_what_waited_when_the_wire_was_lost_is_not_sent_later(bus, fake, listen):
+async def test_what_waited_when_the_wire_was_lost_is_not_sent_later(
+    bus: SupervisedBus, fake: FakeWire, listen: type[Listener]
+):
     heard = listen(bus)
     fake.links[0].full = True
     bus.send(Frame(0x201))
@@ -208,7 +220,7 @@ async def test_what_waited_when_the_wire_was_lost_is_not_sent_later(bus, fake, l
     assert bus.counters.dropped == 1
 
 
-async def test_closing_while_down_ends_the_tries(bus, fake):
+async def test_closing_while_down_ends_the_tries(bus: SupervisedBus, fake: FakeWire):
     fake.there = False
     fake.links[0].broken = True
     with pytest.raises(BusDown):
@@ -221,7 +233,7 @@ async def test_closing_while_down_ends_the_tries(bus, fake):
     assert bus.state is BusState.CLOSED
 
 
-async def test_closing_gives_waiting_frames_a_tenth_of_a_second(bus, fake):
+async def test_closing_gives_waiting_frames_a_tenth_of_a_second(bus: SupervisedBus, fake: FakeWire):
     link = fake.links[0]
     link.full = True
     bus.send(Frame(0x000), urgent=True)
@@ -231,7 +243,7 @@ async def test_closing_gives_waiting_frames_a_tenth_of_a_second(bus, fake):
     assert link.closed
 
 
-async def test_a_controller_that_was_bus_off_before_is_not_called_active(fake):
+async def test_a_controller_that_was_bus_off_before_is_not_called_active(fake: FakeWire):
     bus = SupervisedBus("fake", fake.connect)
 
     async def off() -> FakeLink:
@@ -247,12 +259,14 @@ async def test_a_controller_that_was_bus_off_before_is_not_called_active(fake):
     await bus.close()
 
 
-async def test_what_no_controller_can_send_is_refused(bus):
+async def test_what_no_controller_can_send_is_refused(bus: SupervisedBus):
     with pytest.raises(BadValue):
         bus.send(Frame(0x201, bytes(9)))
 
 
-async def test_only_what_is_answered_makes_the_reader_hurry(bus, fake, monkeypatch):
+async def test_only_what_is_answered_makes_the_reader_hurry(
+    bus: SupervisedBus, fake: FakeWire, monkeypatch: pytest.MonkeyPatch
+):
     hurries: list[None] = []
     monkeypatch.setattr(DescriptorReader, "expect_answer", lambda _: hurries.append(None))
     await bus.open()

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from drivers.errors import BadValue
-from drivers.sim.commands import CobId, Flag, OneOf, Real, Whole
+from drivers.sim.commands import CobId, Flag, Kind, OneOf, Real, Whole
 from drivers.sim.panel import COMMANDS
 
 
@@ -94,6 +94,6 @@ def test_an_unknown_command_lists_the_known_ones() -> None:
     "kind", [Whole("W.", 1), Real("R.", 1.0), Flag("F."), OneOf("O.", ("a",)), CobId("C.")]
 )
 @pytest.mark.parametrize("value", [None, [], {}, "", "zz", b"a", -1, 1e400])
-def test_no_kind_takes_what_it_can_not_be(kind, value) -> None:
+def test_no_kind_takes_what_it_can_not_be(kind: Kind, value: object) -> None:
     with pytest.raises(ValueError, match=r"^$"):
         kind.read(value)

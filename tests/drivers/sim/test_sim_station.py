@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import dataclasses
 from collections.abc import AsyncIterator, Sequence
+from typing import Any
 
 import pytest
 
@@ -154,7 +155,7 @@ async def test_twenty_idle_modules_wake_nobody_up(monkeypatch: pytest.MonkeyPatc
         timers: list[float] = []
         original = loop.call_at
 
-        def counted(when: float, *arguments, **keywords):
+        def counted(when: float, *arguments: Any, **keywords: Any):
             timers.append(when)
             return original(when, *arguments, **keywords)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 import pytest
-from stack_kit import AXES, stack_of, until
+from stack_kit import AXES, Stack, stack_of, until
 
 from drivers.cia301.objects import Address
 from drivers.cia402.power import PowerState
@@ -26,7 +26,7 @@ from drivers.master import (
 pytestmark = pytest.mark.looptime
 
 
-async def test_a_limit_switch_ends_the_move_and_the_way_back_is_free(stack) -> None:
+async def test_a_limit_switch_ends_the_move_and_the_way_back_is_free(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     motion = axis.move_to(MoveRequest(1_020_000, velocity=1_000_000, acceleration=2_000_000))
     await motion.wait(60)
@@ -41,7 +41,7 @@ async def test_a_limit_switch_ends_the_move_and_the_way_back_is_free(stack) -> N
     assert back.state is MotionState.SUCCEEDED, back.error
 
 
-async def test_too_low_a_supply_fails_the_move_and_names_the_cause(stack) -> None:
+async def test_too_low_a_supply_fails_the_move_and_names_the_cause(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     motion = axis.move_to(MoveRequest(500_000))
     await asyncio.sleep(1)
@@ -71,7 +71,7 @@ async def test_a_drive_that_still_reacts_to_a_fault_is_as_little_ready_as_one_in
         assert motion.state is MotionState.FAILED
 
 
-async def test_readiness_lists_every_obstacle_at_once(stack) -> None:
+async def test_readiness_lists_every_obstacle_at_once(stack: Stack) -> None:
     axis = stack.axes[0]
     await stack.network.stop_all("a test")
     codes = [obstacle.code for obstacle in axis.readiness("move")]

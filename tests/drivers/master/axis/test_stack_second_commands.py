@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 import pytest
-from stack_kit import AXES, Stack, stack_of, until
+from stack_kit import AXES, Stack, result_of, stack_of, until
 
 from drivers.bus.frame import Frame
 from drivers.cia402 import objects
@@ -325,11 +325,8 @@ async def test_a_replacement_stops_what_turns_freely_and_begins_from_standstill(
     assert move.prediction is not None
     expected = move.prediction.end
     assert await ended(move) == [MotionState.SUCCEEDED]
-    assert move.result is not None
     assert expected is not None
-    position = move.result["position"]
-    assert isinstance(position, int)
-    assert abs(position - expected) < 2_000
+    assert abs(result_of(move)["position"] - expected) < 2_000
     await axis.disable()
     with pytest.raises(NotReady, match="switch_on_disabled"):
         by(axis, 5, REPLACE)

@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 
 import pytest
-from stack_kit import Stack, stack_of, until
+from stack_kit import Stack, position_of, result_of, stack_of, until
 
 from drivers.bus.faults import Predicate, cob_id
 from drivers.bus.frame import Frame
@@ -43,7 +43,7 @@ def deaf_and_mute(stack: Stack) -> None:
     stack.wire.faults.drop(lambda frame: frame.cob_id != 0x77F)
 
 
-async def test_a_stop_for_everything_reaches_a_node_that_was_away_when_it_comes_back(stack) -> None:
+async def test_a_stop_for_everything_reaches_a_node_that_was_away_when_it_comes_back(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     await axis.run_at(VelocityRequest(30_000)).wait(10)
     deaf_and_mute(stack)
@@ -57,7 +57,7 @@ async def test_a_stop_for_everything_reaches_a_node_that_was_away_when_it_comes_
     assert not stack.modules[1].module.axes[0].moving
 
 
-async def test_an_axis_that_we_commanded_and_lost_is_stopped_when_it_is_back(stack) -> None:
+async def test_an_axis_that_we_commanded_and_lost_is_stopped_when_it_is_back(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     motion = axis.move_to(MoveRequest(2_000_000))
     await asyncio.sleep(1)
@@ -67,7 +67,7 @@ async def test_an_axis_that_we_commanded_and_lost_is_stopped_when_it_is_back(sta
     stack.wire.faults.clear()
     await stack.ready()
     await until(lambda: axis.errand is None and not axis.status.moving)
-    rest = axis.status.position
+    rest = position_of(axis)
     await axis.enable()
     await axis.move_to(MoveRequest(500, relative=True)).wait(10)
     assert axis.status.position == rest + 500
@@ -86,8 +86,7 @@ async def test_a_halted_set_point_of_a_dead_master_is_never_taken_up() -> None:
             await until(lambda: second.ready)
             found = second.node(1).axes[0]
             await until(lambda: not (found.status.moving or found.status.stale or found.status.velocity))
-            rest = found.status.position
-            assert rest is not None
+            rest = position_of(found)
             await found.enable()
             assert not module.axes[0].moving
             await found.run_at(VelocityRequest(0)).wait(10)
@@ -97,7 +96,7 @@ async def test_a_halted_set_point_of_a_dead_master_is_never_taken_up() -> None:
             assert (again.state, found.status.position) == (MotionState.SUCCEEDED, rest - 100), again.error
 
 
-async def test_a_failsafe_counts_as_unverified_once_the_node_was_off(stack) -> None:
+async def test_a_failsafe_counts_as_unverified_once_the_node_was_off(stack: Stack) -> None:
     await stack.axes[0].enable()
     assert await stack.network.verify_failsafe(1) is Failsafe.VERIFIED
     stack.modules[1].apply(lambda module, now: module.axes[1].short("a", now))
@@ -112,7 +111,7 @@ async def test_a_failsafe_counts_as_unverified_once_the_node_was_off(stack) -> N
     assert stack.node.counters.losses == 1
 
 
-async def test_a_turning_axis_whose_status_stops_coming_is_stopped(stack) -> None:
+async def test_a_turning_axis_whose_status_stops_coming_is_stopped(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     await axis.run_at(VelocityRequest(30_000)).wait(10)
     assert axis.motion is None
@@ -123,7 +122,7 @@ async def test_a_turning_axis_whose_status_stops_coming_is_stopped(stack) -> Non
     assert stack.axes[1].status.stale is False
 
 
-async def test_bus_off_says_can_t_command_and_never_stopped(stack) -> None:
+async def test_bus_off_says_can_t_command_and_never_stopped(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     motion = axis.move_to(MoveRequest(500_000))
     await asyncio.sleep(1)
@@ -140,7 +139,7 @@ async def test_bus_off_says_can_t_command_and_never_stopped(stack) -> None:
     assert stack.network.bus_status().reason == ""
 
 
-async def test_after_lost_messages_a_move_goes_on_if_the_drive_shows_what_was_commanded(stack) -> None:
+async def test_after_lost_messages_a_move_goes_on_if_the_drive_shows_what_was_commanded(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     motion = axis.move_to(MoveRequest(100_000))
     turning = stack.axes[1].run_at(VelocityRequest(400_000))
@@ -153,7 +152,9 @@ async def test_after_lost_messages_a_move_goes_on_if_the_drive_shows_what_was_co
     )
 
 
-async def test_a_fault_of_the_module_s_own_can_says_that_the_last_command_is_unconfirmed(stack) -> None:
+async def test_a_fault_of_the_module_s_own_can_says_that_the_last_command_is_unconfirmed(
+    stack: Stack,
+) -> None:
     axis = (await stack.enabled())[0]
     motion = axis.move_to(MoveRequest(500_000))
     await asyncio.sleep(1)
@@ -196,7 +197,7 @@ async def test_a_configured_value_that_the_module_can_t_take_refuses_the_node_an
         assert stack.network.failure is None
 
 
-async def test_quick_stop_and_disable_get_through_once_a_full_queue_drains(stack) -> None:
+async def test_quick_stop_and_disable_get_through_once_a_full_queue_drains(stack: Stack) -> None:
     axes = await stack.enabled()
     for axis in axes[:2]:
         axis.move_to(MoveRequest(2_000_000))
@@ -213,7 +214,7 @@ async def test_quick_stop_and_disable_get_through_once_a_full_queue_drains(stack
     assert not any(axis.moving for axis in stack.modules[1].module.axes)
 
 
-async def test_a_stop_follows_a_gentle_ramp_to_its_end(stack) -> None:
+async def test_a_stop_follows_a_gentle_ramp_to_its_end(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     axis.move_to(MoveRequest(5_000_000, velocity=60_000, deceleration=6_000))
     await asyncio.sleep(2)
@@ -222,23 +223,23 @@ async def test_a_stop_follows_a_gentle_ramp_to_its_end(stack) -> None:
     assert not axis.status.moving
 
 
-async def test_what_succeeded_is_what_the_status_shows(stack) -> None:
+async def test_what_succeeded_is_what_the_status_shows(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     for velocity in (400_000, -300_000, 70_000, 0):
         motion = axis.run_at(VelocityRequest(velocity, acceleration=900_000))
         await until(lambda motion=motion: motion.done)
         assert motion.state is MotionState.SUCCEEDED, motion.error
-        assert (axis.status.velocity, motion.result["velocity"]) == (velocity, velocity)
+        assert (axis.status.velocity, result_of(motion)["velocity"]) == (velocity, velocity)
     motion = axis.home(HomeRequest(method=35))
     await motion.wait(10)
-    assert (axis.status.position, axis.status.referenced, motion.result["position"]) == (0, True, 0)
+    assert (axis.status.position, axis.status.referenced, result_of(motion)["position"]) == (0, True, 0)
     for target in (70_000, -3, 4_000):
         motion = axis.move_to(MoveRequest(target, velocity=400_000, acceleration=900_000))
         await motion.wait(10)
         assert (axis.status.position, axis.status.velocity, axis.status.moving) == (target, 0, False)
 
 
-async def test_a_stop_in_the_course_of_an_enabling_takes_it_back(stack) -> None:
+async def test_a_stop_in_the_course_of_an_enabling_takes_it_back(stack: Stack) -> None:
     axis = stack.axes[0]
     enabling = asyncio.create_task(axis.enable())
     await until(lambda: axis._drive.being_enabled)
@@ -252,7 +253,7 @@ async def test_a_stop_in_the_course_of_an_enabling_takes_it_back(stack) -> None:
     assert axis.status.state is PowerState.OPERATION_ENABLED
 
 
-async def test_a_stop_that_a_quick_stop_overtakes_still_returns_at_standstill(stack) -> None:
+async def test_a_stop_that_a_quick_stop_overtakes_still_returns_at_standstill(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     axis.move_to(MoveRequest(2_000_000))
     await asyncio.sleep(1)
@@ -263,7 +264,9 @@ async def test_a_stop_that_a_quick_stop_overtakes_still_returns_at_standstill(st
     assert axis.status.state is PowerState.SWITCH_ON_DISABLED
 
 
-async def test_a_write_whose_answer_is_lost_fails_the_move_before_it_begins_and_is_made_anew(stack) -> None:
+async def test_a_write_whose_answer_is_lost_fails_the_move_before_it_begins_and_is_made_anew(
+    stack: Stack,
+) -> None:
     axis = (await stack.enabled())[0]
     stack.wire.faults.drop(cob_id(0x581), count=1)
     motion = axis.move_to(MoveRequest(1000, velocity=4321))
@@ -283,7 +286,7 @@ def _halts(frame: Frame) -> bool:
     return frame.cob_id == 0x201 and frame.data[1] & 1 == 1
 
 
-async def test_a_stop_gets_through_where_no_halt_does(stack) -> None:
+async def test_a_stop_gets_through_where_no_halt_does(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     axis.move_to(MoveRequest(500_000))
     await asyncio.sleep(1)
@@ -301,7 +304,7 @@ async def test_a_stop_gets_through_where_no_halt_does(stack) -> None:
     (cob_id(), 4_000, "not seen to stand in time", True),  # a ramp longer than the report waits
 ], ids=["halts", "commands", "nothing"])  # fmt: skip
 async def test_a_stop_for_everything_says_stopped_of_no_axis_that_its_halt_did_not_stop(
-    stack, lost: Predicate, deceleration: int, says: str, turns: bool
+    stack: Stack, lost: Predicate, deceleration: int, says: str, turns: bool
 ) -> None:
     axes = await stack.enabled()
     axes[0].move_to(MoveRequest(5_000_000, velocity=60_000, deceleration=deceleration))
@@ -319,7 +322,7 @@ async def test_a_stop_for_everything_says_stopped_of_no_axis_that_its_halt_did_n
     assert stack.modules[1].module.axes[0].moving is turns
 
 
-async def test_a_halt_that_was_not_followed_up_is_not_released_into_the_old_set_point(stack) -> None:
+async def test_a_halt_that_was_not_followed_up_is_not_released_into_the_old_set_point(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     axis.move_to(MoveRequest(500_000))
     await asyncio.sleep(1)
@@ -327,12 +330,12 @@ async def test_a_halt_that_was_not_followed_up_is_not_released_into_the_old_set_
     with pytest.raises(TransitionTimeout):
         await axis.stop()
     mode_0.end()
-    rest = axis.status.position
+    rest = position_of(axis)
     highest = rest
     motion = axis.move_to(MoveRequest(rest - 400))
     while not motion.done:
         await asyncio.sleep(0.005)
-        highest = max(highest, axis.status.position)
+        highest = max(highest, position_of(axis))
     assert (motion.state, axis.status.position) == (MotionState.SUCCEEDED, rest - 400), motion.error
     assert highest == rest
 
@@ -344,7 +347,7 @@ async def kept_in_pre_operational(stack: Stack) -> None:
     await until(lambda: stack.node.state is not NodeState.OPERATIONAL)
 
 
-async def test_a_quick_stop_reaches_a_drive_in_pre_operational_by_sdo(stack) -> None:
+async def test_a_quick_stop_reaches_a_drive_in_pre_operational_by_sdo(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     await axis.run_at(VelocityRequest(30_000)).wait(10)
     await kept_in_pre_operational(stack)
@@ -356,7 +359,7 @@ async def test_a_quick_stop_reaches_a_drive_in_pre_operational_by_sdo(stack) -> 
     assert (await stack.node.read(Address(0x6060))) == 0
 
 
-async def test_a_stop_reaches_a_drive_in_pre_operational_by_sdo(stack) -> None:
+async def test_a_stop_reaches_a_drive_in_pre_operational_by_sdo(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     await axis.run_at(VelocityRequest(30_000)).wait(10)
     await kept_in_pre_operational(stack)
@@ -366,7 +369,9 @@ async def test_a_stop_reaches_a_drive_in_pre_operational_by_sdo(stack) -> None:
     assert motor.state is PowerState.OPERATION_ENABLED
 
 
-async def test_an_axis_whose_status_is_late_is_stopped_by_a_disable_but_not_switched_off(stack) -> None:
+async def test_an_axis_whose_status_is_late_is_stopped_by_a_disable_but_not_switched_off(
+    stack: Stack,
+) -> None:
     axis = (await stack.enabled())[0]
     await axis.run_at(VelocityRequest(30_000)).wait(10)
     silent = {axis.pdos.status.cob_id, axis.pdos.motion.cob_id}
@@ -379,7 +384,7 @@ async def test_an_axis_whose_status_is_late_is_stopped_by_a_disable_but_not_swit
     assert motor.state is PowerState.OPERATION_ENABLED, "it holds what it carries"
 
 
-async def test_no_set_point_that_still_waits_has_the_last_word_over_a_stop(stack) -> None:
+async def test_no_set_point_that_still_waits_has_the_last_word_over_a_stop(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     sent: list[Frame] = []
     await axis.run_at(VelocityRequest(20_000)).wait(10)

@@ -188,7 +188,7 @@ async def test_a_stop_at_any_instant_leaves_the_axis_standing_and_usable(name: s
 @pytest.mark.parametrize("mode_at_once", [False, True])
 @pytest.mark.parametrize("name", ["move", "slow ramp", "velocity", "homing"])
 async def test_a_stop_returns_at_standstill_though_the_last_status_is_of_the_time_before_the_start(
-    stack, name: str, mode_at_once: bool
+    stack: Stack, name: str, mode_at_once: bool
 ) -> None:
     """Whether the module shows mode 0 at standstill only, or at once."""
     motor = stack.modules[1].module.axes[0]
@@ -211,7 +211,7 @@ async def test_a_stop_returns_at_standstill_though_the_last_status_is_of_the_tim
     await stands_for_good(stack, CASES[name], axis)
 
 
-async def test_a_stop_for_everything_at_any_instant_stops_three_axes_at_three_things(stack) -> None:
+async def test_a_stop_for_everything_at_any_instant_stops_three_axes_at_three_things(stack: Stack) -> None:
     for instant in (0.0, 0.0003, 0.0011, 0.0029, 0.006, 0.013, 0.05, 0.31):
         axes = await stack.enabled()
         motions = [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 import pytest
-from stack_kit import stack_of, until
+from stack_kit import Stack, position_of, stack_of, until
 
 from drivers.bus.frame import Frame
 from drivers.bus.memory import MemoryWire
@@ -22,7 +22,7 @@ from drivers.sim.runner import simulated_node
 pytestmark = pytest.mark.looptime
 
 
-async def test_three_axes_move_at_once_and_end_exactly(stack) -> None:
+async def test_three_axes_move_at_once_and_end_exactly(stack: Stack) -> None:
     axes = await stack.enabled()
     targets = (51200, -40000, 7)
     motions = [axis.move_to(MoveRequest(target)) for axis, target in zip(axes, targets, strict=True)]
@@ -32,14 +32,14 @@ async def test_three_axes_move_at_once_and_end_exactly(stack) -> None:
     assert all(not axis.status.moving and axis.errand is None for axis in axes)
 
 
-async def test_the_status_of_one_axis_never_shows_in_another(stack) -> None:
+async def test_the_status_of_one_axis_never_shows_in_another(stack: Stack) -> None:
     axes = await stack.enabled()
     await axes[1].move_to(MoveRequest(2000)).wait(10)
     assert [axis.status.position for axis in axes] == [0, 2000, 0]
     assert [axis.status.mode for axis in axes] == [Mode.NO_MODE, Mode.PROFILE_POSITION, Mode.NO_MODE]
 
 
-async def test_a_move_to_where_the_axis_stands_succeeds(stack) -> None:
+async def test_a_move_to_where_the_axis_stands_succeeds(stack: Stack) -> None:
     axes = await stack.enabled()
     motion = axes[0].move_to(MoveRequest(0))
     await motion.wait(10)
@@ -48,7 +48,7 @@ async def test_a_move_to_where_the_axis_stands_succeeds(stack) -> None:
 
 
 @pytest.mark.parametrize("distance", [1, -1, 25])
-async def test_tiny_moves_end_exactly(stack, distance: int) -> None:
+async def test_tiny_moves_end_exactly(stack: Stack, distance: int) -> None:
     axis = (await stack.enabled())[0]
     for step in range(1, 4):
         motion = axis.move_to(MoveRequest(distance, relative=True))
@@ -57,12 +57,12 @@ async def test_tiny_moves_end_exactly(stack, distance: int) -> None:
         assert axis.status.position == step * distance
 
 
-async def test_a_relative_move_counts_from_where_a_stop_left_the_axis(stack) -> None:
+async def test_a_relative_move_counts_from_where_a_stop_left_the_axis(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     motion = axis.move_to(MoveRequest(500_000))
     await asyncio.sleep(1)
     await axis.stop()
-    rest = axis.status.position
+    rest = position_of(axis)
     assert motion.state is MotionState.CANCELLED
     assert 0 < rest < 500_000
     again = axis.move_to(MoveRequest(1000, relative=True))
@@ -70,12 +70,12 @@ async def test_a_relative_move_counts_from_where_a_stop_left_the_axis(stack) -> 
     assert axis.status.position == rest + 1000
 
 
-async def test_after_a_stop_in_mid_move_nothing_continues_and_the_next_target_counts(stack) -> None:
+async def test_after_a_stop_in_mid_move_nothing_continues_and_the_next_target_counts(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     motion = axis.move_to(MoveRequest(500_000))
     await asyncio.sleep(1)
     await axis.stop("A test stops it.")
-    rest = axis.status.position
+    rest = position_of(axis)
     assert axis.status.state is PowerState.OPERATION_ENABLED
     assert "A test stops it." in str(motion.error)
     await asyncio.sleep(5)
@@ -86,7 +86,7 @@ async def test_after_a_stop_in_mid_move_nothing_continues_and_the_next_target_co
     assert axis.status.position == rest - 2000
 
 
-async def test_cancelling_a_motion_returns_at_standstill(stack) -> None:
+async def test_cancelling_a_motion_returns_at_standstill(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     motion = axis.move_to(MoveRequest(500_000))
     await asyncio.sleep(1)
@@ -95,7 +95,7 @@ async def test_cancelling_a_motion_returns_at_standstill(stack) -> None:
     assert not axis.status.moving
 
 
-async def test_a_stop_while_the_move_is_being_prepared_keeps_it_from_starting(stack) -> None:
+async def test_a_stop_while_the_move_is_being_prepared_keeps_it_from_starting(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     motion = axis.move_to(MoveRequest(10_000))
     assert motion.state is MotionState.QUEUED
@@ -107,7 +107,7 @@ async def test_a_stop_while_the_move_is_being_prepared_keeps_it_from_starting(st
     assert stack.node.counters.sdo.cancelled == 1
 
 
-async def test_a_stop_on_a_standing_axis_is_quiet(stack) -> None:
+async def test_a_stop_on_a_standing_axis_is_quiet(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     await axis.stop()
     await axis.stop()
@@ -117,7 +117,7 @@ async def test_a_stop_on_a_standing_axis_is_quiet(stack) -> None:
     assert axis.status.state is PowerState.SWITCH_ON_DISABLED
 
 
-async def test_turning_reaches_its_velocity_and_can_be_given_another(stack) -> None:
+async def test_turning_reaches_its_velocity_and_can_be_given_another(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     first = axis.run_at(VelocityRequest(100_000))
     await asyncio.sleep(0.3)
@@ -139,7 +139,7 @@ async def test_turning_reaches_its_velocity_and_can_be_given_another(stack) -> N
     assert axis.status.position == 0
 
 
-async def test_an_old_velocity_never_starts_the_motor_with_the_mode(stack) -> None:
+async def test_an_old_velocity_never_starts_the_motor_with_the_mode(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     await axis.run_at(VelocityRequest(30_000)).wait(10)
     await axis.stop()
@@ -148,7 +148,7 @@ async def test_an_old_velocity_never_starts_the_motor_with_the_mode(stack) -> No
     assert axis.status.position == rest
 
 
-async def test_quick_stop_ends_switched_off(stack) -> None:
+async def test_quick_stop_ends_switched_off(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     motion = axis.move_to(MoveRequest(500_000))
     await asyncio.sleep(1)
@@ -161,18 +161,18 @@ async def test_quick_stop_ends_switched_off(stack) -> None:
     assert axis.status.position == rest
 
 
-async def test_disable_in_mid_move_ramps_down_first(stack) -> None:
+async def test_disable_in_mid_move_ramps_down_first(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     motion = axis.move_to(MoveRequest(500_000))
     await asyncio.sleep(1)
-    at = axis.status.position
+    at = position_of(axis)
     await axis.disable()
     assert axis.status.state is PowerState.SWITCH_ON_DISABLED
-    assert axis.status.position > at + 5000
+    assert position_of(axis) > at + 5000
     assert motion.state is MotionState.CANCELLED
 
 
-async def test_a_second_command_on_a_busy_axis_is_refused_by_name(stack) -> None:
+async def test_a_second_command_on_a_busy_axis_is_refused_by_name(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     axis.move_to(MoveRequest(100_000))
     with pytest.raises(AxisBusy) as refused:
@@ -182,7 +182,7 @@ async def test_a_second_command_on_a_busy_axis_is_refused_by_name(stack) -> None
     await axis.stop()
 
 
-async def test_a_disabled_axis_says_what_to_do(stack) -> None:
+async def test_a_disabled_axis_says_what_to_do(stack: Stack) -> None:
     axis = stack.axes[0]
     with pytest.raises(NotReady, match="switch_on_disabled") as refused:
         axis.move_to(MoveRequest(5))
@@ -214,7 +214,7 @@ async def test_an_absolute_move_can_be_made_to_need_a_reference() -> None:
         assert axis.status.position == 5
 
 
-async def test_stop_all_latches_stops_and_must_be_reset(stack) -> None:
+async def test_stop_all_latches_stops_and_must_be_reset(stack: Stack) -> None:
     axes = await stack.enabled()
     motions = [axis.move_to(MoveRequest(500_000)) for axis in axes[:2]]
     await asyncio.sleep(1)
@@ -248,7 +248,7 @@ async def test_closing_ramps_down_and_disables() -> None:
         assert 0x81 not in heard
 
 
-async def test_names_and_numbers_find_nodes_and_axes(stack) -> None:
+async def test_names_and_numbers_find_nodes_and_axes(stack: Stack) -> None:
     network = stack.network
     assert network.node("m1") is network.node(1) is network.node("1")
     assert network.node(1).axis("y") is network.node(1).axis(1) is network.node(1).axis("1")
@@ -258,7 +258,7 @@ async def test_names_and_numbers_find_nodes_and_axes(stack) -> None:
         network.node(1).axis("w")
 
 
-async def test_a_vanished_waiter_changes_nothing(stack) -> None:
+async def test_a_vanished_waiter_changes_nothing(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     motion = axis.move_to(MoveRequest(30_000))
     waiter = asyncio.create_task(motion.wait(20))
@@ -269,7 +269,7 @@ async def test_a_vanished_waiter_changes_nothing(stack) -> None:
     assert axis.status.position == 30_000
 
 
-async def test_an_enable_whose_caller_vanished_goes_on(stack) -> None:
+async def test_an_enable_whose_caller_vanished_goes_on(stack: Stack) -> None:
     axis = stack.axes[0]
     caller = asyncio.create_task(axis.enable())
     await asyncio.sleep(0.001)
@@ -278,7 +278,7 @@ async def test_an_enable_whose_caller_vanished_goes_on(stack) -> None:
     assert axis.errand is None
 
 
-async def test_a_stop_ends_an_enable_that_is_under_way(stack) -> None:
+async def test_a_stop_ends_an_enable_that_is_under_way(stack: Stack) -> None:
     axis = stack.axes[0]
     caller = asyncio.create_task(axis.enable())
     await asyncio.sleep(0.001)
@@ -298,7 +298,9 @@ async def test_a_heartbeat_of_four_seconds_is_waited_for() -> None:
         await network.node(1).axes[0].enable()
 
 
-async def test_a_mode_that_is_commanded_again_never_enables_a_drive_that_was_switched_off(stack) -> None:
+async def test_a_mode_that_is_commanded_again_never_enables_a_drive_that_was_switched_off(
+    stack: Stack,
+) -> None:
     axis = (await stack.enabled())[0]
     motor = stack.modules[1].module.axes[0]
     stack.wire.faults.drop(lambda frame: frame.cob_id == 0x201 and frame.data[2] == Mode.PROFILE_POSITION)

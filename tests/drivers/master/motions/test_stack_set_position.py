@@ -7,6 +7,7 @@ import asyncio
 import pytest
 from stack_kit import Stack, stack_of, until
 
+from drivers.bus.frame import Frame
 from drivers.cia301 import cob
 from drivers.cia301.objects import Address
 from drivers.cia402.power import PowerState
@@ -38,7 +39,7 @@ async def held(stack: Stack, axis: int = 0) -> tuple[object, ...]:
 
 
 @pytest.mark.parametrize("position", [0, 12_345, -2_000_000_000])
-async def test_the_axis_reads_the_position_and_is_homed_without_power(stack, position: int) -> None:
+async def test_the_axis_reads_the_position_and_is_homed_without_power(stack: Stack, position: int) -> None:
     axis = stack.axes[1]
     motion = axis.set_position(SetPositionRequest(position))
     await motion.wait(10)
@@ -93,7 +94,7 @@ async def test_the_limits_of_a_homed_axis_move_only_if_that_is_meant() -> None:
         assert await held(stack) == (300, -10_000, 60_000)
 
 
-async def test_it_is_refused_while_the_axis_moves_or_everything_is_stopped(stack) -> None:
+async def test_it_is_refused_while_the_axis_moves_or_everything_is_stopped(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     axis.run_at(VelocityRequest(20_000))
     with pytest.raises(AxisBusy):
@@ -107,7 +108,7 @@ async def test_it_is_refused_while_the_axis_moves_or_everything_is_stopped(stack
 
 
 async def test_a_module_whose_method_35_knows_only_zero_fails_it_and_keeps_its_offset(
-    stack, monkeypatch: pytest.MonkeyPatch
+    stack: Stack, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     axis = stack.axes[0]
     monkeypatch.setattr(Homing, "_zero_from_here", lambda self, now: self.context.set_position(0, now))
@@ -141,7 +142,7 @@ async def test_what_could_not_be_brought_back_is_before_the_next_motion() -> Non
     async with stack_of(1, axes=LIMITED) as stack:
         (axis, *_) = await stack.enabled()
 
-        def brings_back(frame) -> bool:
+        def brings_back(frame: Frame) -> bool:
             return frame.cob_id == cob.sdo_request(1) and frame.data[:4] == bytes((0x23, 0x7C, 0x60, 0))
 
         motion = axis.set_position(SetPositionRequest(1_000))

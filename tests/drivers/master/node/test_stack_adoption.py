@@ -118,7 +118,7 @@ async def test_a_node_whose_pdos_must_be_put_right_while_it_turns_never_leaves_o
             assert not module.axes[0].moving
 
 
-async def test_a_late_heartbeat_takes_the_claim_of_what_moved(stack) -> None:
+async def test_a_late_heartbeat_takes_the_claim_of_what_moved(stack: Stack) -> None:
     axes = await stack.enabled()
     axes[0].move_to(MoveRequest(2_000_000))
     await asyncio.sleep(1)

@@ -41,7 +41,7 @@ def writes(frames: list[Frame]) -> list[Address]:
     return [Address(int.from_bytes(data[1:3], "little"), data[3]) for data in downloads]
 
 
-async def test_every_step_of_a_fresh_module_is_told_with_what_was_written(stack) -> None:
+async def test_every_step_of_a_fresh_module_is_told_with_what_was_written(stack: Stack) -> None:
     found = steps(stack)
     assert list(found) == [name.value for name in BootStepName]
     assert {step.state for step in found.values()} == {StepState.DONE}
@@ -58,7 +58,7 @@ async def test_every_step_of_a_fresh_module_is_told_with_what_was_written(stack)
     assert all(change.new != change.old for step in found.values() for change in step.changes)
 
 
-async def test_a_module_that_holds_everything_is_only_read_and_never_leaves_operational(stack) -> None:
+async def test_a_module_that_holds_everything_is_only_read_and_never_leaves_operational(stack: Stack) -> None:
     with heard(stack, 0x601, cob.NMT) as frames:
         await stack.node.boot()
     assert stack.node.state is NodeState.OPERATIONAL
@@ -68,7 +68,7 @@ async def test_a_module_that_holds_everything_is_only_read_and_never_leaves_oper
     assert stack.modules[1].module.nmt_state is NmtState.OPERATIONAL
 
 
-async def test_only_what_somebody_changed_is_written(stack) -> None:
+async def test_only_what_somebody_changed_is_written(stack: Stack) -> None:
     await stack.node.write(Address(0x6081), 1)
     record, timer = Address(0x1800, 1), Address(0x1800, 5)
     await stack.node.write(record, 0xC000_0181, confirm=True)
@@ -85,7 +85,7 @@ async def test_only_what_somebody_changed_is_written(stack) -> None:
     assert not stack.axes[0].status.stale
 
 
-async def test_taking_in_anew_needs_idle_and_disabled_axes(stack) -> None:
+async def test_taking_in_anew_needs_idle_and_disabled_axes(stack: Stack) -> None:
     await stack.axes[1].enable()
     with pytest.raises(NotReady, match="y is operation_enabled"):
         await stack.node.boot()
@@ -139,7 +139,7 @@ async def test_a_value_that_reads_back_differently_fails_its_step() -> None:
             await stack.network.close()
 
 
-async def test_a_bus_that_is_gone_says_so_to_a_try_now(stack) -> None:
+async def test_a_bus_that_is_gone_says_so_to_a_try_now(stack: Stack) -> None:
     stack.port.unplug()
     with pytest.raises((NodeAway, BusDown)):
         await stack.node.boot()
@@ -163,7 +163,7 @@ async def test_a_module_that_takes_no_1029h_is_configured_with_its_failsafe_off(
             await stack.network.close()
 
 
-async def test_a_node_that_resets_itself_is_brought_back_with_its_reference_lost(stack) -> None:
+async def test_a_node_that_resets_itself_is_brought_back_with_its_reference_lost(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     assert axis.status.reference is Reference.UNKNOWN
     await axis.home(HomeRequest(method=35)).wait(10)
@@ -206,7 +206,7 @@ async def test_a_lost_start_is_sent_again() -> None:
             await stack.network.close()
 
 
-async def test_a_heartbeat_of_before_the_start_that_comes_late_is_no_news(stack) -> None:
+async def test_a_heartbeat_of_before_the_start_that_comes_late_is_no_news(stack: Stack) -> None:
     await stack.node.boot()
     stack.wire.inject(Frame(0x701, b"\x7f"))
     assert stack.node.state is NodeState.OPERATIONAL
@@ -216,14 +216,14 @@ async def test_a_heartbeat_of_before_the_start_that_comes_late_is_no_news(stack)
     await stack.ready()
 
 
-async def test_a_heartbeat_that_never_comes_after_the_start_is_missed(stack) -> None:
+async def test_a_heartbeat_that_never_comes_after_the_start_is_missed(stack: Stack) -> None:
     stack.wire.faults.drop(cob_id(0x701))
     await stack.node.boot()
     await until(lambda: stack.node.heartbeat_stale, 2)
     await until(lambda: stack.node.state is NodeState.LOST, 2)
 
 
-async def test_the_boot_up_needs_no_heartbeat_period(stack) -> None:
+async def test_the_boot_up_needs_no_heartbeat_period(stack: Stack) -> None:
     stack.modules[1].power_off()
     await until(lambda: stack.node.state is NodeState.LOST)
     stack.modules[1].power_on()
@@ -233,7 +233,7 @@ async def test_the_boot_up_needs_no_heartbeat_period(stack) -> None:
     assert sum(step.took_s or 0 for step in stack.node.status().boot) < 0.3
 
 
-async def test_a_node_found_in_nmt_stopped_tells_so_in_its_axes(stack) -> None:
+async def test_a_node_found_in_nmt_stopped_tells_so_in_its_axes(stack: Stack) -> None:
     await stack.axes[0].enable()
     stack.wire.inject(Frame(cob.NMT, encode(NmtCommand.STOP, 1)))
     await until(lambda: stack.node.state is not NodeState.OPERATIONAL)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 import pytest
-from stack_kit import until
+from stack_kit import Stack, until
 
 from drivers.cia402.power import PowerState
 from drivers.errors import NotReady
@@ -14,7 +14,7 @@ from drivers.master import AxisCommand, Failsafe, MotionState, MoveRequest, Node
 pytestmark = pytest.mark.looptime
 
 
-async def test_the_check_makes_it_verified_until_the_next_boot_up(stack) -> None:
+async def test_the_check_makes_it_verified_until_the_next_boot_up(stack: Stack) -> None:
     axis = stack.axes[0]
     assert stack.node.failsafe is Failsafe.UNVERIFIED
     await axis.enable()
@@ -32,7 +32,7 @@ async def test_the_check_makes_it_verified_until_the_next_boot_up(stack) -> None
     assert stack.node.failsafe is Failsafe.UNVERIFIED
 
 
-async def test_a_module_that_goes_on_is_found_out_and_not_enabled(stack) -> None:
+async def test_a_module_that_goes_on_is_found_out_and_not_enabled(stack: Stack) -> None:
     axis = stack.axes[0]
     await axis.enable()
     # It keeps hearing a heartbeat: to us it looks like a firmware that does not watch.
@@ -42,7 +42,7 @@ async def test_a_module_that_goes_on_is_found_out_and_not_enabled(stack) -> None
     assert [o.code for o in axis.readiness(AxisCommand.MOVE)] == ["failsafe_off"]
 
 
-async def test_the_check_needs_an_enabled_axis_and_standstill(stack) -> None:
+async def test_the_check_needs_an_enabled_axis_and_standstill(stack: Stack) -> None:
     with pytest.raises(NotReady, match="enabled"):
         await stack.network.verify_failsafe(1)
     await stack.axes[0].enable()
@@ -51,7 +51,7 @@ async def test_the_check_needs_an_enabled_axis_and_standstill(stack) -> None:
         await stack.network.verify_failsafe(1)
 
 
-async def test_nothing_begins_while_our_heartbeat_pauses(stack) -> None:
+async def test_nothing_begins_while_our_heartbeat_pauses(stack: Stack) -> None:
     await stack.axes[0].enable()
     check = asyncio.create_task(stack.network.verify_failsafe(1))
     await asyncio.sleep(0.1)

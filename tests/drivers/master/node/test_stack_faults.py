@@ -7,7 +7,7 @@ import contextlib
 from collections.abc import Callable
 
 import pytest
-from stack_kit import stack_of, until
+from stack_kit import Stack, stack_of, until
 
 from drivers.bus.faults import cob_id
 from drivers.bus.frame import Frame
@@ -44,7 +44,7 @@ from drivers.master import (
 pytestmark = pytest.mark.looptime
 
 
-async def test_a_node_switched_off_in_mid_move_fails_the_move_and_is_lost(stack) -> None:
+async def test_a_node_switched_off_in_mid_move_fails_the_move_and_is_lost(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     motion = axis.move_to(MoveRequest(500_000))
     await asyncio.sleep(1)
@@ -61,7 +61,7 @@ async def test_a_node_switched_off_in_mid_move_fails_the_move_and_is_lost(stack)
     assert {line.outcome for line in report.axes} == {StopOutcome.UNREACHABLE}
 
 
-async def test_a_node_that_comes_back_is_taken_in_but_never_enabled(stack) -> None:
+async def test_a_node_that_comes_back_is_taken_in_but_never_enabled(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     stack.modules[1].power_off()
     await until(lambda: stack.node.state is NodeState.LOST)
@@ -74,7 +74,7 @@ async def test_a_node_that_comes_back_is_taken_in_but_never_enabled(stack) -> No
     assert axis.status.position == 100
 
 
-async def test_a_restart_in_mid_move_is_a_fault_and_loses_the_reference(stack) -> None:
+async def test_a_restart_in_mid_move_is_a_fault_and_loses_the_reference(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     await axis.home(HomeRequest(method=35)).wait(10)
     motion = axis.move_to(MoveRequest(500_000))
@@ -130,7 +130,7 @@ async def test_something_else_under_the_id_is_refused_and_not_written_to() -> No
             await stack.network.close()
 
 
-async def test_a_lost_heartbeat_stops_the_motion_and_coming_back_clears_nothing(stack) -> None:
+async def test_a_lost_heartbeat_stops_the_motion_and_coming_back_clears_nothing(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     motion = axis.move_to(MoveRequest(500_000))
     await asyncio.sleep(1)
@@ -153,7 +153,7 @@ async def test_a_lost_heartbeat_stops_the_motion_and_coming_back_clears_nothing(
     assert axis.status.position == 0
 
 
-async def test_without_our_heartbeat_the_module_stops_its_motors(stack) -> None:
+async def test_without_our_heartbeat_the_module_stops_its_motors(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     motion = axis.move_to(MoveRequest(500_000))
     await asyncio.sleep(1)
@@ -192,7 +192,7 @@ async def test_a_master_that_restarts_adopts_what_turns() -> None:
             assert motion.state is MotionState.SUCCEEDED, motion.error
 
 
-async def test_an_emergency_fails_the_motion_with_its_meaning(stack) -> None:
+async def test_an_emergency_fails_the_motion_with_its_meaning(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     motion = axis.move_to(MoveRequest(500_000))
     other = stack.axes[1].move_to(MoveRequest(30_000))
@@ -208,7 +208,7 @@ async def test_an_emergency_fails_the_motion_with_its_meaning(stack) -> None:
     assert other.state is MotionState.SUCCEEDED
 
 
-async def test_an_emergency_that_comes_behind_the_fault_explains_it_all_the_same(stack) -> None:
+async def test_an_emergency_that_comes_behind_the_fault_explains_it_all_the_same(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     stack.wire.faults.delay(cob_id(cob.emcy(1)), 0.09)
     motion = axis.move_to(MoveRequest(500_000))
@@ -222,7 +222,7 @@ async def test_an_emergency_that_comes_behind_the_fault_explains_it_all_the_same
     assert axis.status.emergencies[0].remedy in motion.error.hint
 
 
-async def test_a_fault_that_no_emergency_explains_is_not_waited_on_for_long(stack) -> None:
+async def test_a_fault_that_no_emergency_explains_is_not_waited_on_for_long(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     stack.wire.faults.drop(cob_id(cob.emcy(1)))
     motion = axis.move_to(MoveRequest(500_000))
@@ -233,7 +233,7 @@ async def test_a_fault_that_no_emergency_explains_is_not_waited_on_for_long(stac
     assert "no emergency names the cause" in motion.error.message
 
 
-async def test_a_fault_is_reset_on_purpose_and_does_not_enable(stack) -> None:
+async def test_a_fault_is_reset_on_purpose_and_does_not_enable(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     stack.modules[1].apply(lambda module, now: module.axes[0].short("a", now))
     await until(lambda: axis.status.state is PowerState.FAULT)
@@ -248,7 +248,7 @@ async def test_a_fault_is_reset_on_purpose_and_does_not_enable(stack) -> None:
     assert axis.status.position == 500
 
 
-async def test_a_fault_reset_waits_for_the_ramp_down(stack) -> None:
+async def test_a_fault_reset_waits_for_the_ramp_down(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     axis.move_to(MoveRequest(500_000))
     await asyncio.sleep(1)
@@ -282,14 +282,14 @@ async def test_an_absent_node_delays_no_other() -> None:
         assert not stack.network.ready
 
 
-async def test_a_lost_answer_is_a_timeout_and_the_next_read_is_right(stack) -> None:
+async def test_a_lost_answer_is_a_timeout_and_the_next_read_is_right(stack: Stack) -> None:
     stack.wire.faults.drop(cob_id(0x581), count=2)
     with pytest.raises(SdoTimeout):
         await stack.node.read(Address(0x1008))
     assert await stack.node.read(Address(0x1008)) == "TMCM-3216"
 
 
-async def test_an_answer_that_comes_too_late_is_not_taken_for_another(stack) -> None:
+async def test_an_answer_that_comes_too_late_is_not_taken_for_another(stack: Stack) -> None:
     stack.wire.faults.delay(lambda f: f.cob_id == 0x581, 0.4, count=1)
     with pytest.raises(SdoTimeout):
         await stack.node.write(Address(0x2000), 7)
@@ -297,7 +297,7 @@ async def test_an_answer_that_comes_too_late_is_not_taken_for_another(stack) -> 
     assert stack.node.counters.sdo.late == 1
 
 
-async def test_the_unplugged_adapter_loses_the_nodes_and_a_replug_takes_them_in(stack) -> None:
+async def test_the_unplugged_adapter_loses_the_nodes_and_a_replug_takes_them_in(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     motion = axis.move_to(MoveRequest(500_000))
     await asyncio.sleep(1)
@@ -317,7 +317,7 @@ async def test_the_unplugged_adapter_loses_the_nodes_and_a_replug_takes_them_in(
     assert again.state is MotionState.SUCCEEDED, again.error
 
 
-async def test_somebody_else_s_nmt_command_fails_the_motion(stack) -> None:
+async def test_somebody_else_s_nmt_command_fails_the_motion(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     motion = axis.move_to(MoveRequest(500_000))
     await asyncio.sleep(1)
@@ -340,7 +340,7 @@ async def test_a_node_found_in_nmt_stopped_is_woken_and_not_reset() -> None:
             await stack.network.close()
 
 
-async def test_a_borrowed_id_that_shows_up_blocks_the_borrower(stack) -> None:
+async def test_a_borrowed_id_that_shows_up_blocks_the_borrower(stack: Stack) -> None:
     donor = stack.network.plan.nodes[1].donors[0]
     stack.wire.inject(Frame(cob.heartbeat(donor), b"\x05"))
     assert stack.node.state is NodeState.REFUSED
@@ -348,7 +348,7 @@ async def test_a_borrowed_id_that_shows_up_blocks_the_borrower(stack) -> None:
     assert stack.network.bus_status().warnings
 
 
-async def test_an_axis_of_a_blocked_node_can_still_be_stopped(stack) -> None:
+async def test_an_axis_of_a_blocked_node_can_still_be_stopped(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     await axis.run_at(VelocityRequest(30_000)).wait(10)
     stack.wire.inject(Frame(cob.heartbeat(stack.network.plan.nodes[1].donors[0]), b"\x05"))
@@ -370,7 +370,7 @@ async def test_two_nodes_with_one_id_are_noticed_and_not_written_to() -> None:
 
 
 @pytest.mark.parametrize("shown_by", ["its boot-up", "its answers"])
-async def test_what_turns_is_halted_when_a_second_node_has_its_id(stack, shown_by: str) -> None:
+async def test_what_turns_is_halted_when_a_second_node_has_its_id(stack: Stack, shown_by: str) -> None:
     axes = await stack.enabled()
     move = axes[0].move_to(MoveRequest(2_000_000))
     await axes[1].run_at(VelocityRequest(30_000)).wait(10)
@@ -402,11 +402,13 @@ async def test_what_turns_is_halted_where_a_master_that_restarts_finds_two_nodes
             assert first.axes[0].state is PowerState.OPERATION_ENABLED
 
 
-async def test_another_master_with_our_id_is_told(stack) -> None:
+async def test_another_master_with_our_id_is_told(stack: Stack) -> None:
     subscription = stack.network.events.subscribe()
     stack.wire.inject(Frame(cob.heartbeat(127), b"\x05"))
     assert "our own ID" in stack.network.bus_status().warnings[0]
-    assert subscription.take().kind == "bus"
+    told = subscription.take()
+    assert told is not None
+    assert told.kind == "bus"
 
 
 @pytest.mark.parametrize("begin", [
@@ -416,7 +418,7 @@ async def test_another_master_with_our_id_is_told(stack) -> None:
 ], ids=["move", "velocity", "homing"])  # fmt: skip
 @pytest.mark.parametrize("command", ["stop", "quick_stop", "disable"])
 async def test_what_ends_a_motion_goes_past_all_that_waits_in_a_full_transmit_queue(
-    stack, begin: Callable[[Axis], Motion], command: str
+    stack: Stack, begin: Callable[[Axis], Motion], command: str
 ) -> None:
     axis = (await stack.enabled())[0]
     begin(axis)
@@ -437,7 +439,7 @@ async def test_what_ends_a_motion_goes_past_all_that_waits_in_a_full_transmit_qu
     assert not stack.modules[1].module.axes[0].moving
 
 
-async def test_foreign_and_broken_frames_are_counted_and_change_nothing(stack) -> None:
+async def test_foreign_and_broken_frames_are_counted_and_change_nothing(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     before = axis.status.position
     status_id = axis.pdos.status.cob_id
@@ -459,7 +461,7 @@ async def test_foreign_and_broken_frames_are_counted_and_change_nothing(stack) -
     assert stack.network.failure is None
 
 
-async def test_lost_power_commands_and_halts_are_repeated(stack) -> None:
+async def test_lost_power_commands_and_halts_are_repeated(stack: Stack) -> None:
     axis = stack.axes[0]
     stack.wire.faults.drop(cob_id(axis.pdos.power.cob_id), count=2)
     await axis.enable()
@@ -472,7 +474,7 @@ async def test_lost_power_commands_and_halts_are_repeated(stack) -> None:
     assert motion.state is MotionState.CANCELLED
 
 
-async def test_a_lost_set_point_is_never_sent_again(stack) -> None:
+async def test_a_lost_set_point_is_never_sent_again(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     stack.wire.faults.drop(
         lambda f: f.cob_id == axis.pdos.position.cob_id and bool(f.data[0] & 0x10), count=1
@@ -485,7 +487,7 @@ async def test_a_lost_set_point_is_never_sent_again(stack) -> None:
     assert axis.status.position == 0
 
 
-async def test_guarded_objects_need_a_confirmation_and_disabled_axes(stack) -> None:
+async def test_guarded_objects_need_a_confirmation_and_disabled_axes(stack: Stack) -> None:
     node = stack.node
     for address in (Address(0x6040), Address(0x6860), Address(0x7040)):
         with pytest.raises(GuardedObject, match="never"):
@@ -500,7 +502,7 @@ async def test_guarded_objects_need_a_confirmation_and_disabled_axes(stack) -> N
     assert await node.read(Address(0x2205)) == 3
 
 
-async def test_what_is_written_past_the_commands_does_not_spoil_the_next_move(stack) -> None:
+async def test_what_is_written_past_the_commands_does_not_spoil_the_next_move(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     await axis.move_to(MoveRequest(100)).wait(10)
     await stack.node.write(Address(0x6081), 1)
@@ -509,7 +511,7 @@ async def test_what_is_written_past_the_commands_does_not_spoil_the_next_move(st
     assert motion.state is MotionState.SUCCEEDED, motion.error
 
 
-async def test_a_bug_stops_the_axes_and_is_told(stack) -> None:
+async def test_a_bug_stops_the_axes_and_is_told(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     motion = axis.move_to(MoveRequest(500_000))
     await asyncio.sleep(1)

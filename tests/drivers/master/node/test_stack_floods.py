@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 
 import pytest
-from stack_kit import until
+from stack_kit import Stack, until
 
 from drivers.bus.frame import Frame
 from drivers.cia402.power import PowerState
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.looptime
 FLOOD = 3000
 
 
-async def test_a_flood_of_emergencies_is_bounded_and_a_stop_is_served(stack) -> None:
+async def test_a_flood_of_emergencies_is_bounded_and_a_stop_is_served(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     await axis.run_at(VelocityRequest(30_000)).wait(10)
     before = stack.node.counters.emergencies
@@ -35,7 +35,7 @@ async def test_a_flood_of_emergencies_is_bounded_and_a_stop_is_served(stack) -> 
     assert stack.network.failure is None
 
 
-async def test_a_flood_of_foreign_identifiers_is_counted_and_a_move_goes_on(stack) -> None:
+async def test_a_flood_of_foreign_identifiers_is_counted_and_a_move_goes_on(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     motion = axis.move_to(MoveRequest(30_000))
     before = stack.network.counters.unrouted
@@ -49,7 +49,7 @@ async def test_a_flood_of_foreign_identifiers_is_counted_and_a_move_goes_on(stac
     assert stack.network.counters.unrouted == before + FLOOD
 
 
-async def test_boot_ups_over_and_over_leave_the_node_usable_at_last(stack) -> None:
+async def test_boot_ups_over_and_over_leave_the_node_usable_at_last(stack: Stack) -> None:
     await stack.enabled()
     for _ in range(50):
         stack.wire.inject(Frame(0x701, b"\x00"))

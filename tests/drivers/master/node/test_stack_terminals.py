@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+from typing import Any
 
 import pytest
-from stack_kit import Stack, stack_of, until
+from stack_kit import Stack, result_of, stack_of, until
 
 from drivers.cia301 import cob
 from drivers.cia301.objects import Address
@@ -50,7 +51,7 @@ def requests(stack: Stack) -> int:
 # --- inputs ---
 
 
-async def test_inputs_are_what_is_applied(stack) -> None:
+async def test_inputs_are_what_is_applied(stack: Stack) -> None:
     apply(stack, 1, on=True)
     apply(stack, 3, on=True)
     set_analog(stack, 0, 7)
@@ -69,7 +70,7 @@ async def test_inputs_are_what_is_applied(stack) -> None:
     ]
 
 
-async def test_readers_at_the_same_time_share_the_transfers(stack) -> None:
+async def test_readers_at_the_same_time_share_the_transfers(stack: Stack) -> None:
     before = requests(stack)
     levels = await asyncio.gather(*(stack.node.terminals.digital_levels() for _ in range(50)))
     assert len(set(levels)) == 1
@@ -94,7 +95,7 @@ async def test_nothing_is_asked_of_a_node_that_is_away() -> None:
 # --- outputs ---
 
 
-async def test_an_output_is_switched_and_the_others_are_left_alone(stack) -> None:
+async def test_an_output_is_switched_and_the_others_are_left_alone(stack: Stack) -> None:
     await with_outputs(stack, 0b0100_0000_1111)
     output = await stack.node.terminals.switch(2, on=True)
     assert (output.number, output.name, output.on, output.usable, output.push_pull) == (
@@ -108,13 +109,13 @@ async def test_an_output_is_switched_and_the_others_are_left_alone(stack) -> Non
     assert [output.on for output in await stack.node.terminals.output_levels()] == driven(stack)
 
 
-async def test_outputs_that_are_switched_at_once_don_t_undo_each_other(stack) -> None:
+async def test_outputs_that_are_switched_at_once_don_t_undo_each_other(stack: Stack) -> None:
     await with_outputs(stack)
     await asyncio.gather(*(stack.node.terminals.switch(number, on=True) for number in (0, 1, 3)))
     assert driven(stack) == [True, True, False, True]
 
 
-async def test_an_input_is_no_output(stack) -> None:
+async def test_an_input_is_no_output(stack: Stack) -> None:
     await with_outputs(stack, 0b0001)
     with pytest.raises(NotReady) as refused:
         await stack.node.terminals.switch(1, on=True)
@@ -123,7 +124,7 @@ async def test_an_input_is_no_output(stack) -> None:
 
 
 @pytest.mark.parametrize("sub", [1, 2])
-async def test_an_output_that_may_hold_a_brake_is_left_to_it(stack, sub: int) -> None:
+async def test_an_output_that_may_hold_a_brake_is_left_to_it(stack: Stack, sub: int) -> None:
     await with_outputs(stack)
     await stack.node.write(Address(0x200C + 0x200, sub), 100, confirm=True)
     with pytest.raises(NotReady, match="brake of axis y") as refused:
@@ -132,7 +133,7 @@ async def test_an_output_that_may_hold_a_brake_is_left_to_it(stack, sub: int) ->
     assert (await stack.node.read(OUTPUT_LEVELS), await stack.node.read(OUTPUT_MASK)) == (0, 0)
 
 
-async def test_while_everything_is_stopped_outputs_go_off_only(stack) -> None:
+async def test_while_everything_is_stopped_outputs_go_off_only(stack: Stack) -> None:
     await with_outputs(stack)
     await stack.node.terminals.switch(0, on=True)
     await stack.network.stop_all("Enough.")
@@ -142,7 +143,9 @@ async def test_while_everything_is_stopped_outputs_go_off_only(stack) -> None:
     assert driven(stack) == [False] * 4
 
 
-async def test_a_stop_that_comes_while_it_is_looked_whether_an_output_is_free_comes_first(stack) -> None:
+async def test_a_stop_that_comes_while_it_is_looked_whether_an_output_is_free_comes_first(
+    stack: Stack,
+) -> None:
     await with_outputs(stack)
     switching = asyncio.create_task(stack.node.terminals.switch(0, on=True))
     await asyncio.sleep(0.001)
@@ -152,11 +155,13 @@ async def test_a_stop_that_comes_while_it_is_looked_whether_an_output_is_free_co
     assert driven(stack) == [False] * 4
 
 
-async def test_an_output_that_another_master_takes_back_is_told(stack, monkeypatch) -> None:
+async def test_an_output_that_another_master_takes_back_is_told(
+    stack: Stack, monkeypatch: pytest.MonkeyPatch
+) -> None:
     await with_outputs(stack)
     held = stack.node.objects.read_int
 
-    async def meddled(address: Address, **options) -> int:
+    async def meddled(address: Address, **options: Any) -> int:
         value = await held(address, **options)
         return 0 if address == OUTPUT_LEVELS else value
 
@@ -165,7 +170,7 @@ async def test_an_output_that_another_master_takes_back_is_told(stack, monkeypat
         await stack.node.terminals.switch(1, on=True)
 
 
-async def test_outputs_have_numbers_and_names(stack) -> None:
+async def test_outputs_have_numbers_and_names(stack: Stack) -> None:
     terminals = stack.node.terminals
     assert [terminals.find_output(ref) for ref in (2, "2", "OUT2", "output_2")] == [2] * 4
     with pytest.raises(UnknownTerminal) as refused:
@@ -177,23 +182,22 @@ async def test_outputs_have_numbers_and_names(stack) -> None:
 
 
 @pytest.mark.parametrize("ref", [1, "IN1"])
-async def test_a_wait_succeeds_when_the_input_changes(stack, ref: int | str) -> None:
+async def test_a_wait_succeeds_when_the_input_changes(stack: Stack, ref: int | str) -> None:
     wait = stack.node.waits.begin(digital(stack.node, ref, becomes=True), 30)
     await asyncio.sleep(2)
     assert wait.state is MotionState.RUNNING
     apply(stack, 1, on=True)
     assert await wait.wait(2 * POLL)
     assert wait.state is MotionState.SUCCEEDED, wait.error
-    assert wait.result is not None
-    assert wait.result["on"] is True
-    assert 2 <= wait.result["waited_s"] <= 2 + 2 * POLL
+    assert result_of(wait)["on"] is True
+    assert 2 <= result_of(wait)["waited_s"] <= 2 + 2 * POLL
     off = stack.node.waits.begin(digital(stack.node, ref, becomes=False), 30)
     assert not await off.wait(1)
     apply(stack, 1, on=False)
     assert await off.wait(2 * POLL)
 
 
-async def test_what_is_so_already_is_seen_at_once(stack) -> None:
+async def test_what_is_so_already_is_seen_at_once(stack: Stack) -> None:
     wait = stack.node.waits.begin(digital(stack.node, 0, becomes=False), 30)
     assert await wait.wait(0.02)
     assert wait.state is MotionState.SUCCEEDED
@@ -202,7 +206,9 @@ async def test_what_is_so_already_is_seen_at_once(stack) -> None:
 @pytest.mark.parametrize(
     ("bound", "before", "after"), [({"above": 2000.0}, 2000, 2001), ({"below": 100.0}, 100, 99)]
 )
-async def test_an_analog_input_passes_a_value(stack, bound, before: int, after: int) -> None:
+async def test_an_analog_input_passes_a_value(
+    stack: Stack, bound: dict[str, float], before: int, after: int
+) -> None:
     set_analog(stack, 1, before)
     wait = stack.node.waits.begin(analog(stack.node, 1, **({"above": None, "below": None} | bound)), 30)
     assert not await wait.wait(1)
@@ -212,7 +218,7 @@ async def test_an_analog_input_passes_a_value(stack, bound, before: int, after: 
     assert wait.result["raw"] == after
 
 
-async def test_a_wait_that_sees_nothing_ends_in_time(stack) -> None:
+async def test_a_wait_that_sees_nothing_ends_in_time(stack: Stack) -> None:
     wait = stack.node.waits.begin(digital(stack.node, 0, becomes=True), 1.5)
     assert not await wait.wait(1.49)
     assert await wait.wait(0.02)
@@ -220,7 +226,7 @@ async def test_a_wait_that_sees_nothing_ends_in_time(stack) -> None:
     assert isinstance(wait.error, InputTimeout)
 
 
-async def test_a_home_switch_is_waited_for_without_a_question(stack) -> None:
+async def test_a_home_switch_is_waited_for_without_a_question(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     before = requests(stack)
     wait = stack.node.waits.begin(digital(stack.node, "x.positive_limit", becomes=True), 60)
@@ -233,7 +239,7 @@ async def test_a_home_switch_is_waited_for_without_a_question(stack) -> None:
     await move.wait(30)
 
 
-async def test_a_wait_is_cancelled_and_stops_no_axis(stack) -> None:
+async def test_a_wait_is_cancelled_and_stops_no_axis(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     wait = stack.node.waits.begin(digital(stack.node, 0, becomes=True), 60)
     move = axis.move_to(MoveRequest(100_000))
@@ -247,7 +253,7 @@ async def test_a_wait_is_cancelled_and_stops_no_axis(stack) -> None:
     assert move.state is MotionState.SUCCEEDED, move.error
 
 
-async def test_a_stop_ends_no_wait(stack) -> None:
+async def test_a_stop_ends_no_wait(stack: Stack) -> None:
     wait = stack.node.waits.begin(digital(stack.node, 0, becomes=True), 60)
     await stack.network.stop_all("Enough.")
     assert not wait.done
@@ -256,7 +262,7 @@ async def test_a_stop_ends_no_wait(stack) -> None:
 
 
 @pytest.mark.parametrize("how", ["power_off", "reset"])
-async def test_a_wait_whose_node_goes_away_fails(stack, how: str) -> None:
+async def test_a_wait_whose_node_goes_away_fails(stack: Stack, how: str) -> None:
     waits = [stack.node.waits.begin(digital(stack.node, ref, becomes=True), 3000) for ref in (0, "x.home")]
     if how == "reset":
         stack.modules[1].power_cycle()
@@ -268,7 +274,7 @@ async def test_a_wait_whose_node_goes_away_fails(stack, how: str) -> None:
         assert isinstance(wait.error, NodeAway), wait.error
 
 
-async def test_an_answer_that_is_lost_ends_no_wait(stack) -> None:
+async def test_an_answer_that_is_lost_ends_no_wait(stack: Stack) -> None:
     wait = stack.node.waits.begin(digital(stack.node, 0, becomes=True), 60)
     lost = stack.wire.faults.drop(lambda frame: frame.cob_id == cob.sdo_response(1))
     await asyncio.sleep(1.2)
@@ -278,7 +284,7 @@ async def test_an_answer_that_is_lost_ends_no_wait(stack) -> None:
     assert wait.state is MotionState.SUCCEEDED, wait.error
 
 
-async def test_many_waits_cost_one_question_each_time_and_hold_up_no_move(stack) -> None:
+async def test_many_waits_cost_one_question_each_time_and_hold_up_no_move(stack: Stack) -> None:
     axis = (await stack.enabled())[0]
     alone = axis.move_to(MoveRequest(20_000))
     began = asyncio.get_running_loop().time()
@@ -298,7 +304,7 @@ async def test_many_waits_cost_one_question_each_time_and_hold_up_no_move(stack)
     await until(lambda: all(wait.done for wait in waits))
 
 
-async def test_what_can_t_be_waited_for_is_refused(stack) -> None:
+async def test_what_can_t_be_waited_for_is_refused(stack: Stack) -> None:
     node = stack.node
     with pytest.raises(BadValue) as refused:
         digital(node, "IN4", becomes=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 import pytest
 from repository import ROOT
@@ -60,7 +61,7 @@ def test_the_master_s_heartbeat_is_at_most_a_third_of_what_modules_wait() -> Non
         lambda: HomeRequest(timeout_s=0),
     ],
 )
-def test_requests_beyond_the_module_are_refused(make) -> None:
+def test_requests_beyond_the_module_are_refused(make: Callable[[], object]) -> None:
     with pytest.raises(BadValue):
         make()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from typing import Any
 
 import pytest
 from scripted_peer import ScriptedPeer
@@ -24,7 +25,7 @@ def peer() -> ScriptedPeer:
     return ScriptedPeer(TIMING)
 
 
-async def begin(peer: ScriptedPeer, address: Address = POSITION, **how) -> asyncio.Task[bytes]:
+async def begin(peer: ScriptedPeer, address: Address = POSITION, **how: Any) -> asyncio.Task[bytes]:
     """Start a read and let its request out."""
     count = len(peer.asked)
     task = asyncio.create_task(peer.client.upload(address, **how))
@@ -32,7 +33,7 @@ async def begin(peer: ScriptedPeer, address: Address = POSITION, **how) -> async
     return task
 
 
-async def test_an_expedited_read(peer) -> None:
+async def test_an_expedited_read(peer: ScriptedPeer) -> None:
     task = await begin(peer)
     assert peer.asked == [READ_POSITION]
     peer.answer("4364600078563412")
@@ -41,7 +42,7 @@ async def test_an_expedited_read(peer) -> None:
     assert peer.client.counters.completed == 1
 
 
-async def test_an_expedited_write(peer) -> None:
+async def test_an_expedited_write(peer: ScriptedPeer) -> None:
     task = asyncio.create_task(peer.client.download(Address(0x6060), b"\x01"))
     await peer.turn()
     assert peer.asked == [bytes.fromhex("2f60600001000000")]
@@ -49,7 +50,7 @@ async def test_an_expedited_write(peer) -> None:
     await task
 
 
-async def test_a_segmented_read(peer) -> None:
+async def test_a_segmented_read(peer: ScriptedPeer) -> None:
     task = await begin(peer, Address(0x1008))
     peer.answer("4108100009000000")
     peer.answer("00544d434d2d3332")
@@ -58,7 +59,7 @@ async def test_a_segmented_read(peer) -> None:
     assert [data[0] for data in peer.asked] == [0x40, 0x60, 0x70]
 
 
-async def test_a_wrong_toggle_aborts_and_gives_no_partial_data(peer) -> None:
+async def test_a_wrong_toggle_aborts_and_gives_no_partial_data(peer: ScriptedPeer) -> None:
     task = await begin(peer, Address(0x1008))
     peer.answer("4108100009000000")
     peer.answer("10544d434d2d3332")
@@ -68,7 +69,7 @@ async def test_a_wrong_toggle_aborts_and_gives_no_partial_data(peer) -> None:
     assert peer.client.counters.violations == 1
 
 
-async def test_an_abort_carries_its_code_and_meaning(peer) -> None:
+async def test_an_abort_carries_its_code_and_meaning(peer: ScriptedPeer) -> None:
     task = await begin(peer)
     peer.answer("8064600000000206")
     with pytest.raises(SdoAborted) as refused:
@@ -78,7 +79,7 @@ async def test_an_abort_carries_its_code_and_meaning(peer) -> None:
     assert (refused.value.node, refused.value.index, refused.value.sub) == (5, 0x6064, 0)
 
 
-async def test_a_time_out_aborts_on_the_wire_and_then_keeps_silent(peer) -> None:
+async def test_a_time_out_aborts_on_the_wire_and_then_keeps_silent(peer: ScriptedPeer) -> None:
     loop = asyncio.get_running_loop()
     begun = loop.time()
     first = await begin(peer)
@@ -96,12 +97,12 @@ async def test_a_time_out_aborts_on_the_wire_and_then_keeps_silent(peer) -> None
     assert peer.client.counters.late == 1
 
 
-async def test_a_write_that_times_out_says_that_its_outcome_is_unknown(peer) -> None:
+async def test_a_write_that_times_out_says_that_its_outcome_is_unknown(peer: ScriptedPeer) -> None:
     with pytest.raises(SdoTimeout, match="outcome is unknown"):
         await peer.client.download(Address(0x6081), b"\x01\0\0\0")
 
 
-async def test_a_foreign_answer_is_dropped_and_the_wait_goes_on(peer) -> None:
+async def test_a_foreign_answer_is_dropped_and_the_wait_goes_on(peer: ScriptedPeer) -> None:
     task = await begin(peer)
     peer.answer("436c600001000000")
     peer.answer("606c600000000000")
@@ -111,7 +112,7 @@ async def test_a_foreign_answer_is_dropped_and_the_wait_goes_on(peer) -> None:
     assert peer.client.counters.foreign == 3
 
 
-async def test_foreign_answers_do_not_put_the_deadline_off(peer) -> None:
+async def test_foreign_answers_do_not_put_the_deadline_off(peer: ScriptedPeer) -> None:
     loop = asyncio.get_running_loop()
     task = await begin(peer)
     begun = loop.time()
@@ -123,7 +124,7 @@ async def test_foreign_answers_do_not_put_the_deadline_off(peer) -> None:
     assert loop.time() - begun < 0.31
 
 
-async def test_a_doubled_answer_is_counted_and_dropped(peer) -> None:
+async def test_a_doubled_answer_is_counted_and_dropped(peer: ScriptedPeer) -> None:
     task = await begin(peer)
     peer.answer("4364600003000000")
     peer.answer("4364600003000000")
@@ -132,7 +133,7 @@ async def test_a_doubled_answer_is_counted_and_dropped(peer) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "43", "436460000300000000"[:14]])
-async def test_answers_of_a_wrong_length_are_counted_and_dropped(peer, text: str) -> None:
+async def test_answers_of_a_wrong_length_are_counted_and_dropped(peer: ScriptedPeer, text: str) -> None:
     task = await begin(peer)
     peer.answer(text)
     assert peer.client.counters.malformed == 1
@@ -140,7 +141,7 @@ async def test_answers_of_a_wrong_length_are_counted_and_dropped(peer, text: str
     await task
 
 
-async def test_a_cancelled_caller_leaves_an_abort_and_a_quarantine(peer) -> None:
+async def test_a_cancelled_caller_leaves_an_abort_and_a_quarantine(peer: ScriptedPeer) -> None:
     loop = asyncio.get_running_loop()
     begun = loop.time()
     task = await begin(peer)
@@ -158,7 +159,7 @@ async def test_a_cancelled_caller_leaves_an_abort_and_a_quarantine(peer) -> None
     assert (peer.client.counters.cancelled, peer.client.counters.late) == (1, 1)
 
 
-async def test_a_caller_cancelled_in_the_queue_sends_nothing(peer) -> None:
+async def test_a_caller_cancelled_in_the_queue_sends_nothing(peer: ScriptedPeer) -> None:
     first = await begin(peer)
     waiting = asyncio.create_task(peer.client.upload(Address(0x606C)))
     await asyncio.sleep(0.01)
@@ -171,7 +172,7 @@ async def test_a_caller_cancelled_in_the_queue_sends_nothing(peer) -> None:
     assert peer.client.idle
 
 
-async def test_urgent_transfers_go_first_and_equals_in_order(peer) -> None:
+async def test_urgent_transfers_go_first_and_equals_in_order(peer: ScriptedPeer) -> None:
     first = await begin(peer)
     order = [Priority.MONITOR, Priority.CONFIGURE, Priority.STOP, Priority.CONTROL, Priority.STOP]
     tasks = [
@@ -189,7 +190,7 @@ async def test_urgent_transfers_go_first_and_equals_in_order(peer) -> None:
     assert [data[1] for data in peer.asked[1:]] == [2, 4, 3, 1, 0]
 
 
-async def test_the_queue_has_a_bound(peer) -> None:
+async def test_the_queue_has_a_bound(peer: ScriptedPeer) -> None:
     first = await begin(peer)
     waiting = asyncio.create_task(peer.client.upload(Address(0x606C)))
     for _ in range(14):  # keep the first one alive with segments for longer than the queue's patience
@@ -206,7 +207,7 @@ async def test_the_queue_has_a_bound(peer) -> None:
         await first
 
 
-async def test_a_bus_that_is_down_is_said_at_once_and_frees_the_channel(peer) -> None:
+async def test_a_bus_that_is_down_is_said_at_once_and_frees_the_channel(peer: ScriptedPeer) -> None:
     peer.down = True
     with pytest.raises(BusDown):
         await peer.client.upload(POSITION)
@@ -216,7 +217,7 @@ async def test_a_bus_that_is_down_is_said_at_once_and_frees_the_channel(peer) ->
     await task
 
 
-async def test_losing_the_node_ends_everything(peer) -> None:
+async def test_losing_the_node_ends_everything(peer: ScriptedPeer) -> None:
     first = await begin(peer)
     waiting = asyncio.create_task(peer.client.upload(Address(0x606C)))
     await asyncio.sleep(0.01)
@@ -227,6 +228,6 @@ async def test_losing_the_node_ends_everything(peer) -> None:
     assert peer.client.idle
 
 
-async def test_unasked_answers_are_counted(peer) -> None:
+async def test_unasked_answers_are_counted(peer: ScriptedPeer) -> None:
     peer.answer("4364600003000000")
     assert peer.client.counters.late == 1

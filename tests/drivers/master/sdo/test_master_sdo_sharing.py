@@ -42,7 +42,7 @@ def requests(peer: ScriptedPeer) -> list[str]:
     return [data[:4].hex() for data in peer.asked if data[0] != 0x80]
 
 
-async def test_equal_reads_by_onlookers_are_one_transfer(peer) -> None:
+async def test_equal_reads_by_onlookers_are_one_transfer(peer: ScriptedPeer) -> None:
     readers = [await started(peer.client.upload(POSITION)) for _ in range(10)]
     answer(peer, 7)
     assert await asyncio.gather(*readers) == [b"\x07\0\0\0"] * 10
@@ -51,7 +51,7 @@ async def test_equal_reads_by_onlookers_are_one_transfer(peer) -> None:
     assert peer.client.counters.completed == 1
 
 
-async def test_whoever_decides_by_a_value_gets_one_sampled_after_it_asked(peer) -> None:
+async def test_whoever_decides_by_a_value_gets_one_sampled_after_it_asked(peer: ScriptedPeer) -> None:
     onlooker = await started(peer.client.upload(POSITION))
     deciders = [await started(peer.client.upload(POSITION, priority=Priority.CONTROL)) for _ in range(3)]
     answer(peer, 1)
@@ -61,7 +61,7 @@ async def test_whoever_decides_by_a_value_gets_one_sampled_after_it_asked(peer) 
     assert len(peer.asked) == 2
 
 
-async def test_no_read_joins_across_a_write(peer) -> None:
+async def test_no_read_joins_across_a_write(peer: ScriptedPeer) -> None:
     before = await started(peer.client.upload(POSITION))
     write = await started(peer.client.download(POSITION, b"\x09\0\0\0"))
     after = [await started(peer.client.upload(POSITION)) for _ in range(2)]
@@ -74,7 +74,7 @@ async def test_no_read_joins_across_a_write(peer) -> None:
     assert [data[0] for data in peer.asked] == [0x40, 0x23, 0x40]
 
 
-async def test_no_read_joins_across_a_command_by_pdo_or_nmt(peer) -> None:
+async def test_no_read_joins_across_a_command_by_pdo_or_nmt(peer: ScriptedPeer) -> None:
     before = await started(peer.client.upload(POSITION))
     peer.client.note_command()
     after = await started(peer.client.upload(POSITION))
@@ -83,7 +83,7 @@ async def test_no_read_joins_across_a_command_by_pdo_or_nmt(peer) -> None:
     assert (await before, await after) == (b"\x01\0\0\0", b"\x02\0\0\0")
 
 
-async def test_an_urgent_reader_hastens_the_read_that_it_joins(peer) -> None:
+async def test_an_urgent_reader_hastens_the_read_that_it_joins(peer: ScriptedPeer) -> None:
     running = await started(peer.client.upload(Address(0x1000)))
     other = await started(peer.client.upload(SPEED))
     waiting = await started(peer.client.upload(POSITION))
@@ -96,7 +96,9 @@ async def test_an_urgent_reader_hastens_the_read_that_it_joins(peer) -> None:
     assert requests(peer) == ["40001000", "40646000", "406c6000"]
 
 
-async def test_an_urgent_reader_does_not_hasten_a_read_past_the_write_that_was_asked_before_it(peer) -> None:
+async def test_an_urgent_reader_does_not_hasten_a_read_past_the_write_that_was_asked_before_it(
+    peer: ScriptedPeer,
+) -> None:
     running = await started(peer.client.upload(Address(0x1000)))
     write = await started(peer.client.download(POSITION, b"\x09\0\0\0"))
     after = await started(peer.client.upload(POSITION))
@@ -109,7 +111,9 @@ async def test_an_urgent_reader_does_not_hasten_a_read_past_the_write_that_was_a
     await asyncio.gather(running, write)
 
 
-async def test_one_reader_s_cancellation_is_its_own_and_the_last_one_s_ends_the_transfer(peer) -> None:
+async def test_one_reader_s_cancellation_is_its_own_and_the_last_one_s_ends_the_transfer(
+    peer: ScriptedPeer,
+) -> None:
     first = await started(peer.client.upload(POSITION))
     second = await started(peer.client.upload(POSITION))
     first.cancel()
@@ -127,7 +131,7 @@ async def test_one_reader_s_cancellation_is_its_own_and_the_last_one_s_ends_the_
     assert peer.client.idle
 
 
-async def test_a_shared_refusal_reaches_every_reader(peer) -> None:
+async def test_a_shared_refusal_reaches_every_reader(peer: ScriptedPeer) -> None:
     readers = [await started(peer.client.upload(POSITION)) for _ in range(3)]
     peer.answer("8064600000000206")
     for reader in readers:
@@ -136,7 +140,7 @@ async def test_a_shared_refusal_reaches_every_reader(peer) -> None:
         assert refused.value.outcome is Outcome.REFUSED
 
 
-async def test_a_write_cancelled_at_the_very_moment_of_its_turn_is_not_sent(peer) -> None:
+async def test_a_write_cancelled_at_the_very_moment_of_its_turn_is_not_sent(peer: ScriptedPeer) -> None:
     running = await started(peer.client.upload(POSITION))
     write = await started(peer.client.download(SPEED, b"\x01\0\0\0"))
     write.cancel()
@@ -147,7 +151,7 @@ async def test_a_write_cancelled_at_the_very_moment_of_its_turn_is_not_sent(peer
     assert peer.client.idle
 
 
-async def test_a_full_queue_refuses_the_newest_onlooker_and_never_a_stop(peer) -> None:
+async def test_a_full_queue_refuses_the_newest_onlooker_and_never_a_stop(peer: ScriptedPeer) -> None:
     running = await started(peer.client.upload(POSITION))
     onlookers = [await started(peer.client.upload(Address(0x2000 + n))) for n in range(SIZE)]
     assert peer.client.waiting == SIZE
@@ -173,7 +177,7 @@ async def test_a_full_queue_refuses_the_newest_onlooker_and_never_a_stop(peer) -
     assert peer.client.idle
 
 
-async def test_a_full_queue_of_stops_is_full(peer) -> None:
+async def test_a_full_queue_of_stops_is_full(peer: ScriptedPeer) -> None:
     stops = [
         await started(peer.client.upload(Address(0x2000 + n), priority=Priority.STOP))
         for n in range(SIZE + 1)
@@ -185,7 +189,7 @@ async def test_a_full_queue_of_stops_is_full(peer) -> None:
     await asyncio.wait(stops)
 
 
-async def test_a_caller_s_deadline_counts_for_it_alone(peer) -> None:
+async def test_a_caller_s_deadline_counts_for_it_alone(peer: ScriptedPeer) -> None:
     loop = asyncio.get_running_loop()
     begun = loop.time()
     patient = await started(peer.client.upload(POSITION))
@@ -198,7 +202,7 @@ async def test_a_caller_s_deadline_counts_for_it_alone(peer) -> None:
     assert len(peer.asked) == 1
 
 
-async def test_a_deadline_ends_a_transfer_that_goes_on_and_on(peer) -> None:
+async def test_a_deadline_ends_a_transfer_that_goes_on_and_on(peer: ScriptedPeer) -> None:
     loop = asyncio.get_running_loop()
     begun = loop.time()
     read = await started(peer.client.upload(Address(0x1008), within=1.0))
@@ -215,7 +219,7 @@ async def test_a_deadline_ends_a_transfer_that_goes_on_and_on(peer) -> None:
     assert peer.asked[-1] == bytes.fromhex("8008100000000405")
 
 
-async def test_a_deadline_in_the_queue_sends_nothing(peer) -> None:
+async def test_a_deadline_in_the_queue_sends_nothing(peer: ScriptedPeer) -> None:
     running = await started(peer.client.upload(POSITION))
     with pytest.raises(SdoQueueTimeout) as late:
         await peer.client.download(SPEED, b"\1", within=0.1)
@@ -225,7 +229,7 @@ async def test_a_deadline_in_the_queue_sends_nothing(peer) -> None:
     assert requests(peer) == ["40646000"]
 
 
-async def test_a_stop_does_not_wait_for_a_late_answer_that_can_be_told_apart(peer) -> None:
+async def test_a_stop_does_not_wait_for_a_late_answer_that_can_be_told_apart(peer: ScriptedPeer) -> None:
     with pytest.raises(SdoTimeout):
         await peer.client.upload(POSITION)
     looking = await started(peer.client.upload(Address(0x1000)))
@@ -244,7 +248,7 @@ async def test_a_stop_does_not_wait_for_a_late_answer_that_can_be_told_apart(pee
     await asyncio.wait([looking])
 
 
-async def test_nothing_overtakes_a_silence_after_segments(peer) -> None:
+async def test_nothing_overtakes_a_silence_after_segments(peer: ScriptedPeer) -> None:
     read = await started(peer.client.upload(Address(0x1008)))
     peer.answer("4108100009000000")
     with pytest.raises(SdoTimeout):
@@ -256,7 +260,7 @@ async def test_nothing_overtakes_a_silence_after_segments(peer) -> None:
     await stop
 
 
-async def test_an_idle_client_leaves_no_timer_that_works_on(peer) -> None:
+async def test_an_idle_client_leaves_no_timer_that_works_on(peer: ScriptedPeer) -> None:
     for value in range(3):
         read = await started(peer.client.upload(POSITION))
         answer(peer, value)
@@ -265,7 +269,7 @@ async def test_an_idle_client_leaves_no_timer_that_works_on(peer) -> None:
     assert peer.client._timer is None
 
 
-async def test_an_abort_brings_what_the_model_says_to_do(peer) -> None:
+async def test_an_abort_brings_what_the_model_says_to_do(peer: ScriptedPeer) -> None:
     peer = ScriptedPeer(TIMING, remedy=lambda code: f"remedy {code:X}")
     read = await started(peer.client.upload(POSITION))
     peer.answer("8064600000000206")

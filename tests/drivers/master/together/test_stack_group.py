@@ -7,7 +7,7 @@ import random
 from typing import Any
 
 import pytest
-from stack_kit import AXES, NeverAbove, Stack, stack_of, until
+from stack_kit import AXES, NeverAbove, Stack, position_of, result_of, stack_of, until
 
 from drivers.bus.faults import cob_id
 from drivers.bus.frame import Frame
@@ -15,9 +15,11 @@ from drivers.cia301.cob import emcy
 from drivers.cia301.objects import Address
 from drivers.cia402.power import PowerState
 from drivers.errors import AxisBusy, BadValue, NotReady
-from drivers.master import Axis, AxisConfig, HomeRequest, MotionState, MoveRequest, VelocityRequest
+from drivers.master import AxisConfig, HomeRequest, MotionState, MoveRequest, VelocityRequest
 from drivers.master.sdo.queue import Priority
 from drivers.master.together.coordinated_move import GroupMotion
+from drivers.sim.motion.goals import Goal
+from drivers.sim.motion.motor import Motor
 
 pytestmark = pytest.mark.looptime
 
@@ -37,10 +39,10 @@ class Watch:
                 self._legs[node_id, number] = []
                 self._tap(axis.motor, self._legs[node_id, number])
 
-    def _tap(self, motor, legs: list[tuple[float, float]]) -> None:
+    def _tap(self, motor: Motor, legs: list[tuple[float, float]]) -> None:
         pursue = motor.pursue
 
-        def tapped(goal, now: float) -> None:
+        def tapped(goal: Goal, now: float) -> None:
             pursue(goal, now)
             if motor.direction:
                 legs.append((motor._leg.start, motor._leg.finish))
@@ -56,23 +58,11 @@ class Watch:
         return bool(self._legs[node_id, axis])
 
 
-def go(stack: Stack, *targets: int, node_id: int = 1, **options) -> GroupMotion:
+def go(stack: Stack, *targets: int, node_id: int = 1, **options: Any) -> GroupMotion:
     axes = stack.network.nodes[node_id].axes
     return stack.network.move_together(
         [(axis, MoveRequest(target)) for axis, target in zip(axes, targets, strict=False)], **options
     )
-
-
-def standing(axis: Axis) -> int:
-    """Where it is, in steps."""
-    assert axis.status.position is not None
-    return axis.status.position
-
-
-def result_of(group: GroupMotion) -> dict[str, Any]:
-    """What it says of its end."""
-    assert group.result is not None
-    return dict(group.result)
 
 
 async def at_rest(stack: Stack, group: GroupMotion) -> None:
@@ -109,7 +99,7 @@ async def random_moves(stack: Stack, times: int) -> None:
     stack.wire.tap(lambda _, f: syncs.append(asyncio.get_running_loop().time()) if f.cob_id == SYNC else None)
     for _ in range(times):
         targets = [dice.randint(-60_000, 60_000) // dice.choice([1, 1, 10, 100]) for _ in axes]
-        before = [standing(axis) for axis in axes]
+        before = [position_of(axis) for axis in axes]
         group = go(stack, *targets)
         await group.wait(120)
         assert group.state is MotionState.SUCCEEDED, group.error
@@ -130,7 +120,7 @@ async def random_moves(stack: Stack, times: int) -> None:
                 assert member.profile.acceleration <= axis.config.acceleration
 
 
-async def test_an_axis_without_a_way_takes_part_without_moving(stack) -> None:
+async def test_an_axis_without_a_way_takes_part_without_moving(stack: Stack) -> None:
     axes = await stack.enabled()
     group = go(stack, 20_000, 0, -5000)
     watch = Watch(stack)
@@ -148,7 +138,7 @@ async def test_an_axis_without_a_way_takes_part_without_moving(stack) -> None:
     assert result_of(again)["duration_s"] == 0
 
 
-async def test_a_time_is_kept_and_relative_targets_count_from_where_the_axes_stand(stack) -> None:
+async def test_a_time_is_kept_and_relative_targets_count_from_where_the_axes_stand(stack: Stack) -> None:
     axes = await stack.enabled()
     await go(stack, 1000, 2000).wait(10)
     group = stack.network.move_together(
@@ -214,7 +204,7 @@ async def test_a_ramp_that_a_stopped_group_left_comes_back_in_order_with_the_nex
         assert speeds.kept, speeds.seen
 
 
-async def test_what_prevents_any_axis_prevents_all_and_each_is_named(stack) -> None:
+async def test_what_prevents_any_axis_prevents_all_and_each_is_named(stack: Stack) -> None:
     axes = await stack.enabled()
     await axes[1].disable()
     running = axes[2].move_to(MoveRequest(300_000))
@@ -253,7 +243,7 @@ async def test_an_axis_that_must_be_homed_takes_part_by_a_relative_way_only() ->
         assert group.state is MotionState.SUCCEEDED, group.error
 
 
-async def test_a_second_command_replaces_what_the_axes_do_if_it_says_so(stack) -> None:
+async def test_a_second_command_replaces_what_the_axes_do_if_it_says_so(stack: Stack) -> None:
     axes = await stack.enabled()
     running = axes[2].move_to(MoveRequest(300_000))
     turning = axes[0].run_at(VelocityRequest(20_000))
@@ -274,7 +264,7 @@ async def test_a_second_command_replaces_what_the_axes_do_if_it_says_so(stack) -
     assert second.state is MotionState.SUCCEEDED, second.error
 
 
-async def test_a_stop_while_axes_come_to_rest_for_the_group_ends_the_group(stack) -> None:
+async def test_a_stop_while_axes_come_to_rest_for_the_group_ends_the_group(stack: Stack) -> None:
     axes = await stack.enabled()
     axes[2].move_to(MoveRequest(300_000))
     await asyncio.sleep(0.8)
@@ -288,7 +278,7 @@ async def test_a_stop_while_axes_come_to_rest_for_the_group_ends_the_group(stack
 @pytest.mark.parametrize(
     "seconds", [0.0, 0.0004, 0.0015, 0.003, 0.004, 0.0045, 0.005, 0.006, 0.008, 0.02, 0.4]
 )
-async def test_a_stop_of_one_axis_at_any_instant_stops_all(stack, seconds: float) -> None:
+async def test_a_stop_of_one_axis_at_any_instant_stops_all(stack: Stack, seconds: float) -> None:
     axes = await stack.enabled()
     group = go(stack, 200_000, -100_000, 30_000)
     await asyncio.sleep(seconds)
@@ -300,7 +290,7 @@ async def test_a_stop_of_one_axis_at_any_instant_stops_all(stack, seconds: float
 
 
 @pytest.mark.parametrize("act", ["cancel", "quick_stop", "disable", "stop_all", "close"])
-async def test_whatever_ends_one_ends_all(stack, act: str) -> None:
+async def test_whatever_ends_one_ends_all(stack: Stack, act: str) -> None:
     axes = await stack.enabled()
     group = go(stack, 200_000, -100_000, 30_000)
     await asyncio.sleep(0.7)
@@ -324,7 +314,7 @@ async def test_whatever_ends_one_ends_all(stack, act: str) -> None:
     assert group.state is MotionState.CANCELLED
 
 
-async def test_a_fault_of_one_axis_stops_the_others_at_once(stack) -> None:
+async def test_a_fault_of_one_axis_stops_the_others_at_once(stack: Stack) -> None:
     axes = await stack.enabled()
     group = go(stack, 200_000, -100_000, 30_000)
     await asyncio.sleep(0.7)
@@ -336,10 +326,12 @@ async def test_a_fault_of_one_axis_stops_the_others_at_once(stack) -> None:
     assert group.error.code == "axis_fault"
     assert (group.error.node, group.error.axis) == (1, 1)
     assert axes[1].status.state is PowerState.FAULT
-    assert standing(axes[0]) < 100_000
+    assert position_of(axes[0]) < 100_000
 
 
-async def test_an_emergency_that_comes_behind_the_fault_explains_it_and_holds_no_stop_up(stack) -> None:
+async def test_an_emergency_that_comes_behind_the_fault_explains_it_and_holds_no_stop_up(
+    stack: Stack,
+) -> None:
     axes = await stack.enabled()
     group = go(stack, 200_000, -100_000, 30_000)
     await asyncio.sleep(0.7)
@@ -352,7 +344,7 @@ async def test_an_emergency_that_comes_behind_the_fault_explains_it_and_holds_no
     assert "2312" in group.error.message
 
 
-async def test_a_limit_switch_of_one_axis_stops_the_others(stack) -> None:
+async def test_a_limit_switch_of_one_axis_stops_the_others(stack: Stack) -> None:
     await stack.enabled()
     group = go(stack, 200_000, -100_000, 30_000)
     await asyncio.sleep(0.7)
@@ -364,7 +356,7 @@ async def test_a_limit_switch_of_one_axis_stops_the_others(stack) -> None:
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("nth", [1, 2])
-async def test_a_lost_rpdo_of_one_axis_starts_none_for_long(stack, axis: int, nth: int) -> None:
+async def test_a_lost_rpdo_of_one_axis_starts_none_for_long(stack: Stack, axis: int, nth: int) -> None:
     axes = await stack.enabled()
     seen = 0
 
@@ -409,10 +401,10 @@ async def test_a_sync_that_one_node_does_not_hear_stops_the_other(nth: int) -> N
         assert group.error is not None
         assert group.error.node == 2
         assert pair[1].status.position == 0
-        assert standing(pair[0]) < 20_000
+        assert position_of(pair[0]) < 20_000
 
 
-async def test_a_sync_of_another_master_in_between_is_noticed(stack) -> None:
+async def test_a_sync_of_another_master_in_between_is_noticed(stack: Stack) -> None:
     await stack.enabled()
     stack.wire.tap(
         lambda sender, f: (
@@ -438,10 +430,10 @@ async def test_a_node_that_falls_silent_stops_the_others() -> None:
         assert await group.wait(20)
         assert group.state is MotionState.FAILED
         await until(lambda: not stack.modules[1].module.axes[0].moving, 5)
-        assert standing(pair[0]) < 300_000
+        assert position_of(pair[0]) < 300_000
 
 
-async def test_while_somebody_has_the_sync_for_long_no_group_starts(stack) -> None:
+async def test_while_somebody_has_the_sync_for_long_no_group_starts(stack: Stack) -> None:
     await stack.enabled()
     stack.node.backbone.sync.claim("a trajectory")
     with pytest.raises(NotReady, match="in use by a trajectory"):
