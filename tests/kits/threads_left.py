@@ -83,7 +83,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     left = session.config.stash[LEFT]
     left += [repr(thread) for thread in still_running(_holding())]
     if hasattr(session.config, "workeroutput"):
-        session.config.workeroutput["threads_left"] = left
+        session.config.workeroutput["threads_left"] = left  # pyright: ignore[reportAttributeAccessIssue] - xdist puts it there
     if left and session.exitstatus == pytest.ExitCode.OK:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
