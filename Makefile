@@ -71,6 +71,13 @@ COMMANDS ?= 10000
 judge: $(VENV)/.dev  ## Random commands of four clients over three SIGKILLs: each once, ended, none lost: COMMANDS=10000
 	PYTHONPATH=. $(BIN)/python tests/judge --commands $(COMMANDS)
 
+MINUTES ?= 10
+
+.PHONY: mutants
+mutants: $(VENV)/.dev  ## Plant faults where motors are moved, print those that no test finds: MINUTES=10 SEED= FILES= JOBS= MUTANT=
+	$(BIN)/python tests/mutants --minutes $(MINUTES) $(if $(SEED),--seed $(SEED)) $(if $(JOBS),--jobs $(JOBS)) \
+		$(if $(FILES),--files $(foreach file,$(FILES),'$(file)')) $(if $(MUTANT),--mutant $(MUTANT))
+
 .PHONY: fuzz
 fuzz: $(VENV)/.fuzz  ## Fuzz the decoders, guided by coverage: TARGET=name SECONDS=60 (each)
 	$(BIN)/python -m tests.fuzz $(TARGET) --seconds $(SECONDS)
@@ -97,7 +104,7 @@ audit: requirements.lock  ## Ask PyPI for known vulnerabilities of the locked de
 
 .PHONY: clean
 clean:  ## Remove what was set up
-	rm -rf $(VENV) .fuzz .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) .fuzz .mutants .ruff_cache .hypothesis .import_linter_cache
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "canaxis needs Python 3.11 or newer; try: make PYTHON=python3.12 $(MAKECMDGOALS)")'
