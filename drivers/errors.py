@@ -28,9 +28,24 @@ class Remedy(enum.StrEnum):
     """Take the node in anew."""
 
 
+class Gravity(enum.IntEnum):
+    """How grave an obstacle is: of several, the gravest decides with which error a command is refused."""
+
+    BUSY = 0
+    """Only another command is in the way; a stop would end it. `AxisBusy` where that is all."""
+    ORDINARY = 1
+    """`NotReady`."""
+    LATCHED = 2
+    """A stop for everything; `StopLatched`."""
+    AWAY = 3
+    """The node can't be relied on; `NodeAway`."""
+    BUS_DOWN = 4
+    """Nothing can be sent; `BusDown`."""
+
+
 @dataclass(frozen=True, slots=True)
 class Obstacle:
-    """One thing that prevents a command now, and its remedy."""
+    """One thing that prevents a command now, and its remedy. Made by its row: see `drivers.obstacles`."""
 
     code: str
     """Stable name in snake_case, e.g. ``not_enabled``."""
@@ -40,6 +55,7 @@ class Obstacle:
     """What to do about it, as a sentence."""
     action: Remedy | None = None
     """The command that does it; None: it takes waiting, or a person's hands."""
+    gravity: Gravity = Gravity.ORDINARY
 
 
 @dataclass(frozen=True, slots=True)

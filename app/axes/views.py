@@ -20,7 +20,7 @@ from app.http.schemas import ObstacleReply
 from app.leases.leases import Leases
 from drivers.errors import Obstacle
 from drivers.master.axis.axis import Axis
-from drivers.master.axis.readiness import AxisCommand
+from drivers.master.axis.commands import AxisCommand
 from drivers.master.plan.prediction import Prediction
 from drivers.master.seen.boot_log import Change
 from drivers.master.seen.status import Adoption

@@ -15,7 +15,14 @@ from app.store.sqlite import Statement
 from drivers.errors import CanaxisError, NodeAway, NotReady, Obstacle
 from drivers.master.axis.axis import Axis
 from drivers.master.seen.status import NodeState
+from drivers.obstacles import (
+    NOT_REFERENCED_FOR_GOING,
+    NOT_REFERENCED_FOR_TEACHING,
+    STALE_FOR_TEACHING,
+    TURNING_AT_TEACHING,
+)
 
+_NOT_HOMED = "The axis was not homed since the module's last reset."
 MOST = 2048
 """Positions of one axis: enough for a plate of 1536 wells."""
 
@@ -103,13 +110,11 @@ def present(axis: Axis, *, unreferenced: bool) -> int:
         )
     found: list[Obstacle] = []
     if status.stale or status.position is None:
-        found.append(
-            Obstacle("status_stale", "The axis's status is too old to be trusted.", "Wait a moment.")
-        )
+        found.append(STALE_FOR_TEACHING.found("The axis's status is too old to be trusted."))
     if status.moving or axis.errand is not None:
-        found.append(Obstacle("turning", "The axis is in use.", "Stop it, or wait until it stands."))
+        found.append(TURNING_AT_TEACHING.found("The axis is in use."))
     if not status.referenced and not unreferenced:
-        found.append(_not_referenced("Home the axis, or send unreferenced true."))
+        found.append(NOT_REFERENCED_FOR_TEACHING.found(_NOT_HOMED))
     if found or status.position is None:
         raise _refusal(axis, "is not taught where it is", found)
     return status.position
@@ -118,12 +123,8 @@ def present(axis: Axis, *, unreferenced: bool) -> int:
 def check_going(axis: Axis, position: NamedPosition) -> None:
     """Raise `NotReady` where the axis counts from elsewhere than when the position was taught."""
     if position.needs_reference and not axis.status.referenced:
-        found = [_not_referenced("Home the axis, or teach the position anew with unreferenced true.")]
+        found = [NOT_REFERENCED_FOR_GOING.found(_NOT_HOMED)]
         raise _refusal(axis, f"is not sent to {position.name!r}", found)
-
-
-def _not_referenced(remedy: str) -> Obstacle:
-    return Obstacle("not_referenced", "The axis was not homed since the module's last reset.", remedy)
 
 
 def _refusal(axis: Axis, what: str, found: list[Obstacle]) -> CanaxisError:

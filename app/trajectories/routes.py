@@ -24,7 +24,7 @@ from app.operations.starting import StarterDep
 from app.trajectories.deps import TrajectoriesDep
 from app.trajectories.reading import Column, read_points
 from app.trajectories.schemas import BODY, AxisForecast, TrajectoryForecast
-from drivers.errors import NotReady, Obstacle, UnknownAxis, UnknownNode
+from drivers.errors import NotReady, UnknownAxis, UnknownNode
 from drivers.master.axis.axis import Axis
 from drivers.master.motions.motion import MotionKind
 from drivers.master.network import Network
@@ -32,6 +32,7 @@ from drivers.master.plan.configuration import AxisConfig
 from drivers.master.together.trajectory import Trajectory, TrajectoryRequest, begin_trajectory, check_period
 from drivers.master.together.trajectory_check import Survey, survey
 from drivers.master.together.trajectory_file import PointFile
+from drivers.obstacles import SETTINGS_CHANGED
 
 CYCLE_MS = 10
 """Where none is given."""
@@ -136,10 +137,8 @@ def _require_unchanged(axes: tuple[Axis, ...], configs: Sequence[AxisConfig]) ->
     """Raise `NotReady` if the limits or units with which a long path was looked at don't count any more."""
     for axis, config in zip(axes, configs, strict=True):
         if axis.config != config:
-            found = Obstacle(
-                "settings_changed",
-                f"The settings of axis {axis.name} changed while the path was looked at.",
-                "Send the path again.",
+            found = SETTINGS_CHANGED.found(
+                f"The settings of axis {axis.name} changed while the path was looked at."
             )
             raise NotReady(found.message, obstacles=(found,), node=axis.node.node_id, axis=axis.number)
 

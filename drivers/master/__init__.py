@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from drivers.devices.profile import ObjectSpec
 from drivers.master.axis.axis import Axis
-from drivers.master.axis.readiness import AxisCommand
+from drivers.master.axis.commands import AxisCommand
 from drivers.master.ground.timing import Timing
 from drivers.master.motions.jogging import Jog, JogEnd
 from drivers.master.motions.motion import Motion, MotionCancelled, MotionKind, MotionState, Undertaking

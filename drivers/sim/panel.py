@@ -7,7 +7,8 @@ from typing import Annotated, Final, TypeAlias
 
 from drivers.bus.faults import Faults
 from drivers.bus.memory import MemoryBus
-from drivers.errors import BadValue, NotReady, Obstacle
+from drivers.errors import BadValue, NotReady
+from drivers.obstacles import STANDING
 from drivers.sim import snapshot
 from drivers.sim.commands import CobId, CommandTable, Flag, OneOf, Real, Whole
 from drivers.sim.module import SimulatedModule
@@ -106,7 +107,7 @@ class ModulePanel:
             if not own.moving:
                 raise NotReady(
                     f"the motor of axis {axis} stands, so it can't stall",
-                    obstacles=(Obstacle("standing", "The motor stands.", "Move the axis first."),),
+                    obstacles=(STANDING.found("The motor stands."),),
                     node=self.number,
                     axis=axis,
                 )

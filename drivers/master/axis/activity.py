@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Coroutine
 from typing import Protocol
 
-from drivers.errors import AxisFault, CanaxisError, MotionFailed, NotReady, Obstacle
+from drivers.errors import AxisFault, CanaxisError, MotionFailed, NotReady
 from drivers.master.axis.errands import COMING_TO_REST, Errand, ErrandName, Errands
 from drivers.master.axis.waiting_line import Waiting, WaitingLine
 from drivers.master.drive import stopping
 from drivers.master.drive.tools import AxisTools
 from drivers.master.motions.motion import Motion, MotionKind, Result, Undertaking
 from drivers.master.plan.requests import VelocityRequest
+from drivers.obstacles import SUPERSEDED
 
 Work = Coroutine[object, object, None]
 MotionWork = Callable[[Motion], Coroutine[object, object, Result]]
@@ -169,9 +170,7 @@ class Activity:
 
     def give_way(self, what: str) -> None:
         """`abandon` for another command of somebody's."""
-        obstacle = Obstacle(
-            "superseded", f"It was ended by {what}.", "Give the command again if it is still wanted."
-        )
+        obstacle = SUPERSEDED.found(f"It was ended by {what}.")
         message = f"Axis {self._tools.config.name}: {obstacle.message}"
         self._errands.abandon(
             NotReady(message, obstacles=(obstacle,), node=self._tools.node_id, axis=self._tools.number)

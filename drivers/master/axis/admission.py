@@ -6,27 +6,23 @@ It can be asked of several axes before any of them is touched.
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
 
-from drivers.errors import LineFull, Obstacle, Remedy
+from drivers import obstacles as kinds
+from drivers.errors import Gravity, LineFull, Obstacle
 from drivers.master.axis.body import AxisBody
+from drivers.master.axis.commands import Question
 from drivers.master.axis.errands import MOTIONS, ErrandName
-from drivers.master.axis.readiness import AxisCommand, obstacles, refusal
+from drivers.master.axis.readiness import answer, refusal
 from drivers.master.axis.waiting_line import LONGEST
 from drivers.master.motions.motion import Motion, MotionKind
 from drivers.master.plan.requests import (
-    HomeRequest,
     JogRequest,
-    MoveRequest,
     OnBusy,
     Request,
-    SetPositionRequest,
     VelocityRequest,
 )
 
 _REFERENCING = frozenset({MotionKind.HOME, MotionKind.SET_POSITION})
-_HELD = frozenset({"busy", "turning"})
-"""Obstacles that another command can take away."""
 
 
 class Admission(enum.StrEnum):
@@ -41,40 +37,6 @@ class Admission(enum.StrEnum):
     """It begins once everything before it has succeeded."""
 
 
-@dataclass(frozen=True, slots=True)
-class Question:
-    """What matters about a command for whether it may be given."""
-
-    command: AxisCommand
-    absolute: bool = True
-    """Of a move."""
-    method: int | None = None
-    """Of a homing."""
-    from_rest: bool = True
-    """Whether the axis must stand when it begins."""
-
-    @classmethod
-    def of(cls, request: Request) -> Question:
-        """About a request."""
-        match request:
-            case MoveRequest():
-                return cls(AxisCommand.MOVE, absolute=not request.relative)
-            case VelocityRequest():
-                return cls(AxisCommand.VELOCITY, from_rest=request.travel is not None)
-            case HomeRequest():
-                return cls(AxisCommand.HOME, method=request.method)
-            case SetPositionRequest():
-                return cls(AxisCommand.SET_POSITION)
-            case JogRequest():
-                return cls(AxisCommand.JOG)
-
-    def obstacles(self, axis: AxisBody) -> tuple[Obstacle, ...]:
-        """Everything that prevents it now, in the order of what to do first."""
-        return obstacles(
-            axis, self.command, absolute=self.absolute, method=self.method, from_rest=self.from_rest
-        )
-
-
 def look(
     axis: AxisBody, question: Question, on_busy: OnBusy
 ) -> tuple[Admission | None, tuple[Obstacle, ...]]:
@@ -82,13 +44,12 @@ def look(
 
     A stop, an enabling and the like are no operations: nothing replaces them or waits behind them.
     """
-    found = question.obstacles(axis)
+    found = answer(axis, question)
     over = axis.errand is ErrandName.TURNING and not question.from_rest
     last = axis.last
     if not found and (on_busy is not OnBusy.QUEUE or last is None):
         return (Admission.TAKE_OVER if over else Admission.AT_ONCE), ()
-    held = tuple(obstacle for obstacle in found if obstacle.code in _HELD)
-    others = tuple(obstacle for obstacle in found if obstacle not in held)
+    others = tuple(obstacle for obstacle in found if obstacle.gravity is not Gravity.BUSY)
     if on_busy is OnBusy.REPLACE and not others and _replaceable(axis):
         return (Admission.TAKE_OVER if over else Admission.REPLACE), ()
     if on_busy is not OnBusy.QUEUE or last is None:
@@ -112,7 +73,7 @@ def admit(axis: AxisBody, request: Request, on_busy: OnBusy) -> Admission:
     admission, found = look(axis, question, on_busy)
     if admission is not None:
         return admission
-    if found[0].code == "queue_full":
+    if found[0].code == kinds.QUEUE_FULL.code:
         raise LineFull(
             found[0].message,
             obstacles=found,
@@ -124,11 +85,7 @@ def admit(axis: AxisBody, request: Request, on_busy: OnBusy) -> Admission:
 
 
 def _full(axis: AxisBody) -> Obstacle:
-    return Obstacle(
-        "queue_full",
-        f"{LONGEST} operations wait for axis {axis.name} already.",
-        "Wait until one of them has begun, or cancel some.",
-    )
+    return kinds.QUEUE_FULL.found(f"{LONGEST} operations wait for axis {axis.name} already.")
 
 
 def _left(axis: AxisBody) -> float:
@@ -145,9 +102,6 @@ def _replaceable(axis: AxisBody) -> bool:
     return axis.errand is None or axis.errand in MOTIONS or axis.making_way
 
 
-_ENDLESS = Obstacle(
-    "endless",
-    "What it would wait for turns until something else is commanded, so nothing can come after it.",
-    "Replace it, stop the axis, or give the velocity an end.",
-    Remedy.STOP,
+_ENDLESS = kinds.ENDLESS.found(
+    "What it would wait for turns until something else is commanded, so nothing can come after it."
 )

@@ -11,9 +11,10 @@ from collections.abc import Callable, Coroutine
 from drivers.errors import BadValue, CanaxisError, Obstacle
 from drivers.master.axis.admission import Admission, admit
 from drivers.master.axis.body import FAULT_STATES, AxisBody
+from drivers.master.axis.commands import AxisCommand
 from drivers.master.axis.errands import ErrandName
 from drivers.master.axis.outlook import Preview, expected, look_ahead, starting_point
-from drivers.master.axis.readiness import AxisCommand, obstacles, refusal
+from drivers.master.axis.readiness import obstacles, refusal
 from drivers.master.axis.waiting_line import Waiting
 from drivers.master.drive import power, stopping
 from drivers.master.motions import homing, jogging, position_setting, profile_position, profile_velocity

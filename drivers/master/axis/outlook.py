@@ -6,14 +6,16 @@ from dataclasses import dataclass
 
 from drivers.cia402 import objects
 from drivers.errors import Obstacle
-from drivers.master.axis.admission import Admission, Question, look
+from drivers.master.axis.admission import Admission, look
 from drivers.master.axis.body import AxisBody
+from drivers.master.axis.commands import Question
 from drivers.master.drive.stopping import gentlest_ramp
 from drivers.master.drive.tools import AxisTools, Parameter
 from drivers.master.motions import homing, profile_position, profile_velocity
 from drivers.master.plan.prediction import Prediction, predict, predict_rest
 from drivers.master.plan.requests import HomeRequest, MoveRequest, OnBusy, Request, VelocityRequest
 from drivers.master.seen.boot_log import Change
+from drivers.obstacles import BEYOND_LIMITS
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,11 +46,7 @@ def look_ahead(axis: AxisBody, tools: AxisTools, request: Request, on_busy: OnBu
     target = _target(request, prediction)
     if target is not None and not limits[0] <= target <= limits[1]:
         low, high = limits
-        beyond = Obstacle(
-            "beyond_limits",
-            f"It would end at {target}, beyond {low}..{high} steps.",
-            "Choose a target within the limits.",
-        )
+        beyond = BEYOND_LIMITS.found(f"It would end at {target}, beyond {low}..{high} steps.")
         admission, found = None, (beyond, *found)
     return Preview(
         admission, found, prediction, limits, within, tools.parameters.changes(_needed(tools, request))

@@ -10,14 +10,16 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 
 from drivers.cia301.objects import Address
 from drivers.cia402.power import PowerState
-from drivers.errors import CanaxisError, NodeAway, NotReady, Obstacle
+from drivers.errors import CanaxisError, NodeAway, NotReady
 from drivers.master.axis.axis import Axis
-from drivers.master.axis.readiness import AxisCommand, obstacles, refusal
+from drivers.master.axis.commands import AxisCommand
+from drivers.master.axis.readiness import obstacles, refusal
 from drivers.master.link.holding import Establisher
 from drivers.master.plan.axis_parameters import Wanted, check_ranges, wanted
 from drivers.master.plan.configuration import AxisConfig
 from drivers.master.sdo.object_access import ObjectAccess
 from drivers.master.seen.boot_log import Change
+from drivers.obstacles import DISABLE_TO_CHANGE
 
 
 class Trial(Establisher):
@@ -114,11 +116,9 @@ def _check_permission(axis: Axis, config: AxisConfig) -> None:
         settings.append("unit")
     if settings:
         names = ", ".join(dict.fromkeys(settings))
-        obstacle = Obstacle(
-            "disable_first",
+        obstacle = DISABLE_TO_CHANGE.found(
             f"Axis {axis.name} is {axis.status.state or 'in no known state'}; {names} can be changed only "
-            "while it is switched off (SWITCH_ON_DISABLED).",
-            "Disable the axis (POST disable) first.",
+            "while it is switched off (SWITCH_ON_DISABLED)."
         )
         raise NotReady(obstacle.message, obstacles=(obstacle,), node=axis.node.node_id, axis=axis.number)
 

@@ -11,12 +11,13 @@ from typing import NamedTuple
 
 from drivers.cia402 import objects
 from drivers.cia402.power import PowerState, Statusword, decode_state
-from drivers.errors import NotReady, Obstacle
+from drivers.errors import NotReady
 from drivers.master.drive.tools import AxisTools
 from drivers.master.link.holding import Establisher
 from drivers.master.plan.axis_parameters import PAIRS, Wanted, wanted
 from drivers.master.plan.configuration import AxisConfig
 from drivers.master.sdo.client import Priority
+from drivers.obstacles import DISABLE_TO_CLAIM
 
 VELOCITY_DIMENSION = 0x208C
 PULSES_PER_SECOND = 181
@@ -86,7 +87,7 @@ class AxisSetup:
         if state is not PowerState.SWITCH_ON_DISABLED:
             wrong = await self._differences_that_need_power_off()
             if wrong:
-                obstacle = Obstacle("disable_first", wrong, "Disable the axis, then enable it again.")
+                obstacle = DISABLE_TO_CLAIM.found(wrong)
                 raise NotReady(
                     wrong, obstacles=(obstacle,), node=self._tools.node_id, axis=self._tools.number
                 )

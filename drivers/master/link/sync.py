@@ -13,6 +13,7 @@ from typing import Protocol
 from drivers.bus.frame import Frame
 from drivers.cia301 import cob, sync
 from drivers.errors import BusError, NotReady, Obstacle
+from drivers.obstacles import SET_POINT_WAITS, SYNC_IN_USE
 
 Send = Callable[[Frame], None]
 """Puts a frame on the bus; raises `BusError`."""
@@ -70,20 +71,12 @@ class SyncProducer:
     def obstacles(self) -> tuple[Obstacle, ...]:
         """What prevents a claim now."""
         if self.user is not None:
-            return (
-                Obstacle(
-                    "sync_in_use",
-                    f"The SYNC of the bus is in use by {self.user}.",
-                    "Wait until that has ended, or stop it.",
-                ),
-            )
+            return (SYNC_IN_USE.found(f"The SYNC of the bus is in use by {self.user}."),)
         owed = [axis for axis in self._axes if axis.set_point_waits]
         return tuple(
-            Obstacle(
-                "set_point_waits",
+            SET_POINT_WAITS.found(
                 f"A set point may still wait in node {axis.node_name} for a SYNC, which would move axis "
-                f"{axis.name}: the node went out of reach in the middle of a motion.",
-                "Bring the node back, or switch it off and on: what waits is made harmless then.",
+                f"{axis.name}: the node went out of reach in the middle of a motion."
             )
             for axis in owed
         )

@@ -14,7 +14,7 @@ from __future__ import annotations
 import contextlib
 
 from drivers.cia402 import objects
-from drivers.errors import CanaxisError, MotionFailed, NotReady, Obstacle
+from drivers.errors import CanaxisError, MotionFailed, NotReady
 from drivers.master.drive.tools import AxisTools
 from drivers.master.motions.homing import attain
 from drivers.master.motions.motion import Motion, Result
@@ -22,6 +22,7 @@ from drivers.master.motions.profile_position import check_target
 from drivers.master.plan.configuration import INT32_MAX, INT32_MIN
 from drivers.master.plan.requests import SetPositionRequest
 from drivers.master.seen.status import Reference
+from drivers.obstacles import LIMITS_WOULD_SHIFT
 
 HERE = 35
 """The homing method that takes the present position as home."""
@@ -38,10 +39,8 @@ def check(tools: AxisTools, request: SetPositionRequest) -> None:
     shift = request.position - (status.position or 0)
     if tools.config.soft_limits is None or not status.referenced or not shift or request.shift_limits:
         return
-    obstacle = Obstacle(
-        "limits_would_shift",
-        f"The axis is homed; with another position its travel limits would move by {-shift} steps.",
-        "Home the axis instead; or send shift_limits true if the new position is where it really stands.",
+    obstacle = LIMITS_WOULD_SHIFT.found(
+        f"The axis is homed; with another position its travel limits would move by {-shift} steps."
     )
     raise NotReady(
         f"Axis {tools.config.name}: {obstacle.message}",

@@ -13,13 +13,13 @@ from collections.abc import Iterator
 from drivers.cia301.nmt import NmtCommand, NmtState
 from drivers.errors import NodeAway, Obstacle
 from drivers.master.axis.axis import Axis
-from drivers.master.axis.readiness import CLOSING
 from drivers.master.drive.setup import is_running
 from drivers.master.node import common
 from drivers.master.node.body import NodeBody
 from drivers.master.node.identity import identify
 from drivers.master.seen.boot_log import BootStepName
 from drivers.master.seen.status import SWITCHED_OFF, Adoption, AxisStatus, NodeState
+from drivers.obstacles import CLOSES, CLOSING, IN_USE
 
 _START_TRIES = 4
 
@@ -30,17 +30,13 @@ def boot_obstacles(node: NodeBody) -> Iterator[Obstacle]:
     A node that is not operational has nothing to lose by it, since nothing is reset.
     """
     if node.backbone.closing:
-        yield CLOSING
+        yield CLOSING.found(CLOSES)
     if node.state is not NodeState.OPERATIONAL:
         return
     for axis in node.axes:
         used = axis.errand or ("being given other settings" if axis.configuring else None)
         if used is not None or axis.status.moving or axis.status.state not in SWITCHED_OFF:
-            yield Obstacle(
-                "in_use",
-                f"Axis {axis.name} is {used or axis.status.state or 'in no known state'}.",
-                "Disable every axis of the node first.",
-            )
+            yield IN_USE.found(f"Axis {axis.name} is {used or axis.status.state or 'in no known state'}.")
 
 
 async def boot_up(node: NodeBody) -> None:

@@ -12,6 +12,7 @@ from drivers.errors import NotReady, Obstacle, TransitionTimeout
 from drivers.master.axis.axis import Axis
 from drivers.master.node.body import NodeBody
 from drivers.master.seen.status import Failsafe, NodeState
+from drivers.obstacles import AWAY_FOR_CHECK, AXIS_DISTURBS_CHECK, CHECK_RUNS, NOTHING_TO_CHECK
 
 HEARTBEAT_LOST = 0x8130
 """The emergency with which a module says that it missed our heartbeat (manual §11.2)."""
@@ -62,16 +63,14 @@ def _is_back(node: NodeBody) -> bool:
 
 def _obstacles(node: NodeBody, everybody: Iterable[Axis]) -> Iterable[Obstacle]:
     if node.state is not NodeState.OPERATIONAL:
-        yield Obstacle("node_away", f"It is {node.state}.", "Wait until the node is operational.")
+        yield AWAY_FOR_CHECK.found(f"It is {node.state}.")
     if node.backbone.heartbeat_paused:
-        yield Obstacle("busy", "Another check is under way.", "Wait until it has ended.")
+        yield CHECK_RUNS.found("Another check is under way.")
     if not any(axis.status.state is PowerState.OPERATION_ENABLED for axis in node.axes):
-        yield Obstacle("not_enabled", "None of its axes is enabled.", "Enable one of the node's axes.")
+        yield NOTHING_TO_CHECK.found("None of its axes is enabled.")
     for axis in everybody:
         if axis.status.moving or axis.errand is not None:
-            yield Obstacle(
-                "busy", f"Axis {axis.name} of {axis.node.name} is in use.", "Stop every axis first."
-            )
+            yield AXIS_DISTURBS_CHECK.found(f"Axis {axis.name} of {axis.node.name} is in use.")
 
 
 async def _within(condition: Callable[[], bool], seconds: float) -> bool:

@@ -16,6 +16,7 @@ from drivers.devices.meanings import Meaning
 from drivers.errors import ConfigurationRefused, NotReady, Obstacle, StopLatched, UnknownTerminal
 from drivers.master.link.node_link import NodeLink
 from drivers.master.sdo.client import Priority
+from drivers.obstacles import NOT_AN_OUTPUT, STOP_LATCHED_FOR_OUTPUTS, USED_BY_BRAKE
 
 DIGITAL_INPUTS = Address(0x2702)
 OUTPUT_LEVELS = Address(0x2703, 1)
@@ -199,11 +200,7 @@ class Terminals:
     def _require_no_latch(self, number: int) -> None:
         latch = self._node.backbone.stop_latched
         if latch is not None:
-            obstacle = Obstacle(
-                "stop_latched",
-                f"Everything was stopped: {latch.reason}",
-                "When it is safe, reset the stop (POST /api/v1/stop/reset). Off is always allowed.",
-            )
+            obstacle = STOP_LATCHED_FOR_OUTPUTS.found(f"Everything was stopped: {latch.reason}")
             raise StopLatched(
                 f"Output {self.outputs[number].title} is not switched on now: {obstacle.message}",
                 obstacles=(obstacle,),
@@ -214,13 +211,7 @@ class Terminals:
         name = self.outputs[number].title
         found: list[Obstacle] = []
         if not _is_set(await self._held(IO_MODE), self._directions[number]):
-            found.append(
-                Obstacle(
-                    "not_an_output",
-                    f"The pin of {name} is an input (2711h).",
-                    f"If nothing drives that pin, set bit {number} of 2711h with every axis disabled.",
-                )
-            )
+            found.append(NOT_AN_OUTPUT.found(f"The pin of {name} is an input (2711h).", bit=number))
         for axis, axis_name in enumerate(self._axes):
             if self._node.objects.has(BRAKE_CURRENTS, 1, axis):
                 currents = [
@@ -228,10 +219,8 @@ class Terminals:
                 ]
                 if any(currents):
                     found.append(
-                        Obstacle(
-                            "used_by_brake",
-                            f"The module drives the brake of axis {axis_name} with its outputs (200Ch).",
-                            "Leave it to the brake; or set 200Ch:1 and 200Ch:2 of that axis to 0, disabled.",
+                        USED_BY_BRAKE.found(
+                            f"The module drives the brake of axis {axis_name} with its outputs (200Ch)."
                         )
                     )
         if found:

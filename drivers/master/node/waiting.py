@@ -6,9 +6,10 @@ import asyncio
 from collections.abc import Callable
 from typing import Protocol
 
-from drivers.errors import BadValue, CanaxisError, InputTimeout, NotReady, Obstacle
+from drivers.errors import BadValue, CanaxisError, InputTimeout, NotReady
 from drivers.master.link.node_link import NodeLink
 from drivers.master.motions.motion import MotionKind, Result, Undertaking
+from drivers.obstacles import TOO_MANY_WAITS
 
 MOST = 64
 """Waits that may run on one node."""
@@ -67,9 +68,7 @@ class Waits:
             raise BadValue(f"timeout_s must be above 0 and at most {LONGEST:g}.", node=node.node_id)
         node.require_operational()
         if len(self._running) >= MOST:
-            obstacle = Obstacle(
-                "too_many_waits", f"{MOST} waits run on node {node.name} already.", "Cancel one, or wait."
-            )
+            obstacle = TOO_MANY_WAITS.found(f"{MOST} waits run on node {node.name} already.")
             raise NotReady(obstacle.message, obstacles=(obstacle,), node=node.node_id)
         wait = InputWait(node, condition, timeout_s, self._on_change, undertaking_id)
         self._on_change(wait)

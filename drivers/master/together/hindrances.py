@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 from drivers.errors import (
@@ -9,12 +10,14 @@ from drivers.errors import (
     BadValue,
     BusDown,
     CanaxisError,
+    Gravity,
     NodeAway,
     NotReady,
     Obstacle,
     StopLatched,
 )
-from drivers.master.axis.readiness import AxisCommand, obstacles, refusal
+from drivers.master.axis.commands import AxisCommand
+from drivers.master.axis.readiness import obstacles, refusal
 from drivers.master.motions.motion import Undertaking
 from drivers.master.together.member import Member
 
@@ -68,7 +71,7 @@ def hindrances(
     runs = axis.motion is not None or (axis.errand is None and axis.status.moving)
     mine = expected is not None and axis.motion is expected
     if (replace and runs) or (mine and axis.errand is not None):
-        found = tuple(obstacle for obstacle in found if obstacle.code not in ("busy", "turning"))
+        found = tuple(obstacle for obstacle in found if obstacle.gravity is not Gravity.BUSY)
     sync = axis.backbone.sync
     return found if sync.user == SYNC_USER else (*found, *sync.obstacles())  # a start takes milliseconds
 
@@ -86,7 +89,7 @@ def merged(errors: Sequence[CanaxisError]) -> CanaxisError:
     not_ready = [error for error in errors if isinstance(error, NotReady)]
     if len(not_ready) == len(errors):
         named = tuple(
-            Obstacle(o.code, f"{_name(error)}: {o.message}", o.remedy)
+            dataclasses.replace(o, message=f"{_name(error)}: {o.message}", action=None)
             for error in not_ready
             for o in error.obstacles
         )

@@ -13,8 +13,9 @@ from collections.abc import Callable, Sequence
 from drivers.errors import BadValue, Obstacle
 from drivers.master.axis.activity import Guide, Work
 from drivers.master.axis.axis import Axis
+from drivers.master.axis.commands import AxisCommand
 from drivers.master.axis.errands import ErrandName
-from drivers.master.axis.readiness import AxisCommand, obstacles, refusal
+from drivers.master.axis.readiness import obstacles, refusal
 from drivers.master.motions.motion import MotionKind, MotionState, Undertaking
 
 

@@ -22,8 +22,8 @@ from drivers.cyclic.process import ProcessSender
 from drivers.cyclic.sender import CyclePlan, CyclicSender, Phase, Track
 from drivers.errors import BadValue, CanaxisError, MotionFailed
 from drivers.master.axis.axis import Axis
+from drivers.master.axis.commands import AxisCommand
 from drivers.master.axis.errands import ErrandName
-from drivers.master.axis.readiness import AxisCommand
 from drivers.master.motions.motion import MotionKind, MotionState
 from drivers.master.plan.prediction import Prediction
 from drivers.master.together import trajectory_axis

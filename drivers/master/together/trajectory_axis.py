@@ -10,12 +10,13 @@ from collections.abc import Callable
 from drivers.cia402 import objects
 from drivers.cia402.modes import Mode
 from drivers.cia402.power import Statusword
-from drivers.errors import MotionFailed, MotionTimeout, NotReady, Obstacle
+from drivers.errors import MotionFailed, MotionTimeout, NotReady
 from drivers.master.axis.axis import Axis
 from drivers.master.drive import stopping
 from drivers.master.drive.tools import AxisTools
 from drivers.master.sdo.client import Priority
 from drivers.master.seen.status import AxisStatus
+from drivers.obstacles import NO_CSP
 
 _MILLISECONDS = -3
 """60C2h:2: the period is given in units of 10^-3 s (manual §9.1.10)."""
@@ -26,7 +27,7 @@ _LOOK_EACH = 1.0
 def require_supported(axis: Axis) -> None:
     """Raise `NotReady` for a model without csp."""
     if Mode.CYCLIC_SYNC_POSITION not in axis.node.profile.modes:
-        found = Obstacle("no_csp", f"A {axis.node.config.model} has no csp mode.", "Use moves instead.")
+        found = NO_CSP.found(f"A {axis.node.config.model} has no csp mode.")
         raise NotReady(
             f"Axis {axis.name} can't follow a trajectory: {found.message}",
             obstacles=(found,),
