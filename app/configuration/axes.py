@@ -7,7 +7,7 @@ nearest step, halves to even.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from typing import Annotated, Any, Self, cast
 
@@ -20,22 +20,12 @@ from pydantic import (
 from app.configuration.measures import DIMENSIONS, Gear, Measure, unit_of, units_of
 from app.configuration.sections import ConfigurationError, Name, Section
 from drivers.errors import BadValue
+from drivers.master.plan.axis_fields import SETTINGS
 from drivers.master.plan.configuration import AxisConfig
 from drivers.master.plan.gearing import STEPS, Gearing, exact, micrometres
 
 _BEYOND = 2**63
-_ABOVE_NOTHING = frozenset(
-    {
-        *("velocity", "acceleration", "deceleration", "quick_stop_deceleration"),
-        *("max_velocity", "max_acceleration", "homing_fast", "homing_slow", "homing_acceleration"),
-    }
-)
 _GEARING = ("full_steps", "microsteps", "gear", "pitch", "direction")
-_PLAIN = (
-    *("homing_method", "switch_parameters", "require_homing", "encoder", "encoder_resolution"),
-    *("encoder_null_polarity", "encoder_direction", "encoder_initialize"),
-)
-"""The settings that are the same in the configuration."""
 
 
 class AxisValues(Section):
@@ -112,14 +102,19 @@ class AxisValues(Section):
         default=None, description="Whether absolute moves are refused until the axis was homed."
     )
 
+    def measures(self) -> Iterator[tuple[str, Measure]]:
+        """Every number with a unit that is given, with its setting."""
+        for key in AxisValues.model_fields:
+            measure = cast("Measure | None", getattr(self, key)) if key in DIMENSIONS else None
+            if measure is not None:
+                yield key, measure
+
     @model_validator(mode="after")
     def _check_signs(self) -> Self:
-        for key in DIMENSIONS:
-            measure = cast("Measure | None", getattr(self, key))
-            if measure is None or key == "home_offset":
-                continue
-            if measure.value < 0 or (measure.value == 0 and key in _ABOVE_NOTHING):
-                raise ValueError(f"{key} must be {'above' if key in _ABOVE_NOTHING else 'at least'} 0")
+        for key, measure in self.measures():
+            row = SETTINGS[key]
+            if not row.signed and (measure.value < 0 or (measure.value == 0 and row.lowest == 1)):
+                raise ValueError(f"{key} must be {'above' if row.lowest == 1 else 'at least'} 0")
         return self
 
 
@@ -159,15 +154,13 @@ class AxisSettings(AxisValues):
         """The same in steps. Raises `ConfigurationError` for a number that is none of steps, `BadValue`."""
         units = AxisConfig(self.name, self.unit, self._per_unit, self.gearing)
         values: dict[str, Any] = {}
-        for key in DIMENSIONS:
-            measure = cast("Measure | None", getattr(self, key))
-            if measure is None:
-                continue
+        for key, measure in self.measures():
+            row = SETTINGS[key]
             steps = self._steps(key, measure, units_of(key, units), unit_of(key, self.unit))
-            if key != "home_offset":
-                steps = abs(steps)
-            values[key] = max(1, steps) if key in _ABOVE_NOTHING else steps
-        values |= {key: value for key in _PLAIN if (value := getattr(self, key)) is not None}
+            counted = steps if row.signed else abs(steps)
+            values[key] = max(1, counted) if row.lowest == 1 else counted
+        plain = SETTINGS.keys() - DIMENSIONS.keys()
+        values |= {key: value for key in plain if (value := getattr(self, key)) is not None}
         if self.soft_limits is not None:
             values["soft_limits"] = self._limits(self.soft_limits, units)
         return AxisConfig(self.name, self.unit, self._per_unit, self.gearing, **values)
@@ -195,12 +188,11 @@ class AxisSettings(AxisValues):
     def explicit(self) -> dict[str, Any]:
         """What is set, as JSON, every number with its unit."""
         given = self.model_dump(mode="json", exclude={"name"}, exclude_none=True)
-        measures: list[tuple[str, dict[str, Any]]] = [(k, v) for k, v in given.items() if k in DIMENSIONS]
-        measures += [("home_offset", limit) for limit in given.get("soft_limits", ())]
-        for key, measure in measures:
-            measure.setdefault("unit", unit_of(key, self.unit))
-        if "pitch" in given:
-            given["pitch"].setdefault("unit", self.unit)
+        for key, _ in self.measures():
+            given[key].setdefault("unit", unit_of(key, self.unit))
+        lengths = [*given.get("soft_limits", ()), *([given["pitch"]] if "pitch" in given else [])]
+        for measure in lengths:
+            measure.setdefault("unit", self.unit)
         return given
 
     def written(self) -> dict[str, Any]:

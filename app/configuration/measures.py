@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 from fractions import Fraction
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import (
     BaseModel,
@@ -19,8 +19,10 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
+from drivers.master.plan.axis_fields import SETTINGS
 from drivers.master.plan.configuration import AxisConfig
 from drivers.master.plan.gearing import exact
+from drivers.master.plan.setting import Dimension
 
 _MEASURE = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?)\s*([^\s\d].{0,23}?)?\s*")
 _RATIO = re.compile(r"\s*(\d{1,15}(?:\.\d{1,15})?)\s*:\s*(\d{1,15}(?:\.\d{1,15})?)\s*")
@@ -98,47 +100,12 @@ Gear = Annotated[
     BeforeValidator(_read_gear, json_schema_input_type=str),
     PlainSerializer(write_gear, return_type=str),
 ]
-POSITION, VELOCITY, ACCELERATION, TIME, CURRENT = "", "/s", "/s2", "ms", "%"
-Dimension = Literal["", "/s", "/s2", "ms", "%"]
-"""What follows the axis's unit; or a unit of its own."""
 DIMENSIONS: Mapping[str, Dimension] = {
-    "velocity": VELOCITY,
-    "acceleration": ACCELERATION,
-    "deceleration": ACCELERATION,
-    "max_velocity": VELOCITY,
-    "max_acceleration": ACCELERATION,
-    "quick_stop_deceleration": ACCELERATION,
-    "start_velocity": VELOCITY,
-    "end_velocity": VELOCITY,
-    "ramp_a1": ACCELERATION,
-    "ramp_v1": VELOCITY,
-    "ramp_d1": ACCELERATION,
-    "ramp_a2": ACCELERATION,
-    "ramp_v2": VELOCITY,
-    "ramp_d2": ACCELERATION,
-    "ramp_wait": TIME,
-    "homing_fast": VELOCITY,
-    "homing_slow": VELOCITY,
-    "homing_acceleration": ACCELERATION,
-    "home_offset": POSITION,
-    "position_tolerance": POSITION,
-    "position_window": POSITION,
-    "position_window_time": TIME,
-    "following_error_window": POSITION,
-    "run_current": CURRENT,
-    "standby_current": CURRENT,
-    "standby_delay": TIME,
-    "brake_apply_current": CURRENT,
-    "brake_release_current": CURRENT,
-    "brake_apply_delay": TIME,
-    "brake_release_delay": TIME,
-    "enable_delay": TIME,
+    name: row.dimension for name, row in SETTINGS.items() if row.dimension is not None
 }
 """The settings that are one number with a unit."""
 _TIMES: Mapping[str, Fraction] = {"ms": Fraction(1000), "s": Fraction(1_000_000), "us": Fraction(1)}
 """Microseconds in each unit of time."""
-_TICKS: Mapping[str, int] = {"ramp_wait": 32, "standby_delay": 10_000}
-"""Microseconds of one in the object, where it isn't a millisecond."""
 _CURRENTS: Mapping[str, Fraction] = {"%": Fraction(255, 100), "1/255": Fraction(1)}
 """255ths of the full current in each unit of current."""
 
@@ -146,14 +113,14 @@ _CURRENTS: Mapping[str, Fraction] = {"%": Fraction(255, 100), "1/255": Fraction(
 def units_of(key: str, axis: AxisConfig) -> dict[str, Fraction]:
     """What the setting's object counts, in one of each unit that the setting may be given in."""
     dimension = DIMENSIONS[key]
-    if dimension == CURRENT:
+    if dimension is Dimension.CURRENT:
         return dict(_CURRENTS)
-    if dimension == TIME:
-        return {unit: size / _TICKS.get(key, 1000) for unit, size in _TIMES.items()}
+    if dimension is Dimension.TIME:
+        return {unit: size / SETTINGS[key].tick_us for unit, size in _TIMES.items()}
     return {unit + dimension: size for unit, size in axis.units.items()}
 
 
 def unit_of(key: str, unit: str) -> str:
     """The unit of a number that stands alone, on an axis with this unit."""
     dimension = DIMENSIONS[key]
-    return dimension if dimension in (TIME, CURRENT) else unit + dimension
+    return dimension.value if dimension.has_own_unit else unit + dimension

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Literal, Self, cast
+from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
 from app.axes.schemas import ChangeReply
 from app.configuration.axes import AxisValues
 from app.configuration.configuration import NodeSettings
-from app.configuration.measures import DIMENSIONS, Measure
 from app.configuration.sections import Section
 from app.http import examples
 from app.http.schemas import Reply, Request
@@ -69,10 +68,10 @@ class AxisSettingsPatch(AxisValues):
 
     @model_validator(mode="after")
     def _check_that_units_are_named(self) -> Self:
-        named = [(key, cast("Measure | None", getattr(self, key))) for key in (*DIMENSIONS, "pitch")]
+        named = [*self.measures(), *([] if self.pitch is None else [("pitch", self.pitch)])]
         named += [("soft_limits", limit) for limit in self.soft_limits or ()]
         for key, measure in named:
-            if measure is not None and measure.unit is None:
+            if measure.unit is None:
                 raise ValueError(f'{key} must come with its unit, as {{"value": 1, "unit": "..."}}')
         return self
 

@@ -32,6 +32,7 @@ from app.settings.table import Revision
 from drivers.errors import CanaxisError, SdoAborted
 from drivers.master.axis.axis import Axis
 from drivers.master.network import Network
+from drivers.master.plan.axis_fields import SETTINGS
 from drivers.master.plan.axis_parameters import check_ranges
 from drivers.master.plan.axis_parameters import wanted as wanted_objects
 from drivers.master.plan.configuration import AxisConfig
@@ -42,7 +43,7 @@ from drivers.master.seen.boot_log import Change
 def axis_settings(book: SettingsBook, axis: Axis, written: Sequence[Change] = ()) -> AxisSettingsReply:
     """What an axis is set to."""
     values = effective(book.settings(axis), axis.config)
-    nothing = {key: "module" for key, value in values.items() if value is None and key not in _FOLLOWING}
+    nothing = {key: "module" for key, value in values.items() if value is None and key in SETTINGS}
     return AxisSettingsReply(
         node=axis.node.node_id,
         axis=axis.number,
@@ -72,12 +73,6 @@ def axis_settings(book: SettingsBook, axis: Axis, written: Sequence[Change] = ()
     )
 
 
-_FOLLOWING = frozenset(
-    {"steps_per_unit", "full_steps", "microsteps", "gear", "pitch", "direction", "soft_limits"}
-)
-"""Settings that may be nothing without being left to the module."""
-
-
 def effective(settings: AxisSettings, config: AxisConfig) -> dict[str, Any]:
     """Every setting as it counts, as JSON: as it was given, else the default in the axis's own unit."""
     given = settings.explicit()
@@ -100,12 +95,13 @@ def effective(settings: AxisSettings, config: AxisConfig) -> dict[str, Any]:
 
 
 def _measure(key: str, config: AxisConfig) -> dict[str, Any] | None:
-    counted: int | None = getattr(config, {"ramp_d1": "d1", "ramp_d2": "d2"}.get(key, key))
+    row = SETTINGS[key]
+    counted: int | None = getattr(config, row.counts or key)
     if counted is None:
         return None
     unit = unit_of(key, config.unit)
     size = units_of(key, config)[unit]
-    value = Fraction(counted) / (size if key == "home_offset" else abs(size))
+    value = Fraction(counted) / (size if row.signed else abs(size))
     return {"value": shown(value), "unit": unit}
 
 

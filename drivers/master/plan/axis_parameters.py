@@ -1,4 +1,4 @@
-"""THE table: which setting of an axis is held in which object of its module.
+"""Which setting of an axis is held in which object of its module: the rows of `axis_fields`, and the others.
 
 A setting that is None is left as the module holds it. What an object takes says the module's profile.
 """
@@ -13,24 +13,9 @@ from typing import Final
 from drivers.cia402 import objects
 from drivers.devices.profile import DeviceProfile, ObjectSpec
 from drivers.errors import BrokenRule, RulesBroken
+from drivers.master.plan.axis_fields import SETTINGS, START_VELOCITY
 from drivers.master.plan.configuration import AxisConfig
-
-MICROSTEPS: Final = 0x2000
-FULL_STEPS: Final = 0x2001
-BRAKE_DELAYS: Final = 0x2002
-RUN_CURRENT: Final = 0x2003
-STANDBY_CURRENT: Final = 0x2004
-SWITCH_PARAMETERS: Final = 0x2005
-ENABLE_DELAY: Final = 0x200A
-ENCODER: Final = 0x200B
-BRAKE_CURRENTS: Final = 0x200C
-START_VELOCITY: Final = 0x2010
-RAMP_A1, RAMP_V1, RAMP_D1, RAMP_WAIT = 0x2011, 0x2012, 0x2013, 0x2015
-RAMP_A2, RAMP_V2, RAMP_D2 = 0x2016, 0x2017, 0x2018
-STANDBY_DELAY: Final = 0x2089
-
-_FROM_ENCODER, _NO_ENCODER = 0, -1
-"""606Ah (manual §5.1.8)."""
+from drivers.master.plan.setting import Setting
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,56 +43,23 @@ class Parameter:
         return self.still or spec.writable_in is not None
 
 
-def _plain(setting: str, index: int, sub: int = 0, *, attribute: str = "", still: bool = False) -> Parameter:
-    return Parameter(setting, index, sub, attrgetter(attribute or setting), still)
+def _held(name: str, row: Setting, at: tuple[int, int]) -> Parameter:
+    """What a row of a setting comes to."""
+    counted = attrgetter(row.counts or name)
+
+    def wanted(config: AxisConfig) -> int | None:
+        value = counted(config)
+        return value if value is None or row.written is None else row.written(value)
+
+    return Parameter(name, *at, wanted, row.still)
 
 
 PARAMETERS: Final = (
-    Parameter("microsteps", MICROSTEPS, 0, lambda c: c.gearing and c.gearing.microstep_exponent, still=True),
-    Parameter("full_steps", FULL_STEPS, 0, lambda c: c.gearing and c.gearing.full_steps, still=True),
-    _plain("switch_parameters", SWITCH_PARAMETERS),
-    Parameter(
-        "encoder",
-        objects.SENSOR_SELECTION,
-        0,
-        lambda c: None if c.encoder is None else _FROM_ENCODER if c.encoder else _NO_ENCODER,
-        still=True,
-    ),
-    _plain("encoder_resolution", objects.ENCODER_RESOLUTION, 1, still=True),
-    _plain("encoder_null_polarity", ENCODER, 1),
-    _plain("encoder_direction", ENCODER, 2),
-    _plain("encoder_initialize", ENCODER, 3),
-    _plain("brake_apply_current", BRAKE_CURRENTS, 1),
-    _plain("brake_release_current", BRAKE_CURRENTS, 2),
-    _plain("brake_apply_delay", BRAKE_DELAYS, 1),
-    _plain("brake_release_delay", BRAKE_DELAYS, 2),
-    _plain("enable_delay", ENABLE_DELAY),
-    _plain("run_current", RUN_CURRENT),
-    _plain("standby_current", STANDBY_CURRENT),
-    _plain("standby_delay", STANDBY_DELAY),
-    _plain("position_window", objects.POSITION_WINDOW),
-    _plain("position_window_time", objects.POSITION_WINDOW_TIME),
-    _plain("following_error_window", objects.FOLLOWING_ERROR_WINDOW),
-    _plain("start_velocity", START_VELOCITY),
-    _plain("end_velocity", objects.END_VELOCITY),
-    _plain("ramp_a1", RAMP_A1),
-    _plain("ramp_v1", RAMP_V1),
-    _plain("ramp_d1", RAMP_D1, attribute="d1"),
-    _plain("ramp_a2", RAMP_A2),
-    _plain("ramp_v2", RAMP_V2),
-    _plain("ramp_d2", RAMP_D2, attribute="d2"),
-    _plain("ramp_wait", RAMP_WAIT),
-    _plain("velocity", objects.PROFILE_VELOCITY),
-    _plain("acceleration", objects.PROFILE_ACCELERATION),
-    _plain("deceleration", objects.PROFILE_DECELERATION),
-    _plain("quick_stop_deceleration", objects.QUICK_STOP_DECELERATION),
-    _plain("homing_method", objects.HOMING_METHOD),
-    _plain("homing_fast", objects.HOMING_SPEEDS, 1),
-    _plain("homing_slow", objects.HOMING_SPEEDS, 2),
-    _plain("homing_acceleration", objects.HOMING_ACCELERATION),
-    _plain("home_offset", objects.HOME_OFFSET),
-    _plain("soft_limits", objects.SOFTWARE_LIMIT, 1, attribute="module_limits.lower"),
-    _plain("soft_limits", objects.SOFTWARE_LIMIT, 2, attribute="module_limits.upper"),
+    Parameter("microsteps", 0x2000, 0, lambda c: c.gearing and c.gearing.microstep_exponent, still=True),
+    Parameter("full_steps", 0x2001, 0, lambda c: c.gearing and c.gearing.full_steps, still=True),
+    *(_held(name, row, row.at) for name, row in SETTINGS.items() if row.at is not None),
+    Parameter("soft_limits", objects.SOFTWARE_LIMIT, 1, lambda c: c.module_limits.lower),
+    Parameter("soft_limits", objects.SOFTWARE_LIMIT, 2, lambda c: c.module_limits.upper),
 )
 """In the order in which they are written."""
 

@@ -10,16 +10,13 @@ from collections.abc import Iterator
 from typing import Final
 
 from drivers.errors import BrokenRule
-from drivers.master.plan.axis_fields import HIGHEST_RATE, INT32_MAX, INT32_MIN, AxisFields
+from drivers.master.plan.axis_fields import HIGHEST_RATE, INT32_MAX, INT32_MIN, SETTINGS, AxisFields
 from drivers.master.plan.gearing import Gearing
 
 LOWEST_STOP_VELOCITY: Final = 10
 """Of VSTOP; below it a target might not be reached (manual §1.5)."""
 _LARGEST_TERM: Final = 10**15
 """Of a gear's or a pitch's ratio, so that numbers stay handy."""
-_VELOCITIES = ("velocity", "homing_fast", "homing_slow")
-_ACCELERATIONS = ("acceleration", "deceleration", "homing_acceleration")
-_SEGMENTS = ("ramp_a1", "ramp_v1", "ramp_a2", "ramp_v2")
 
 
 def broken_rules(config: AxisFields) -> Iterator[BrokenRule]:
@@ -51,24 +48,15 @@ def broken_gearing(gearing: Gearing) -> Iterator[BrokenRule]:
 
 
 def _rates(config: AxisFields) -> Iterator[BrokenRule]:
-    for name in (
-        *_VELOCITIES,
-        *_ACCELERATIONS,
-        "quick_stop_deceleration",
-        "max_velocity",
-        "max_acceleration",
-    ):
-        if not 1 <= getattr(config, name) <= HIGHEST_RATE:
-            yield _rate(name, 1, getattr(config, name))
-    for name in ("start_velocity", *_SEGMENTS):
-        if not 0 <= getattr(config, name) <= HIGHEST_RATE:
-            yield _rate(name, 0, getattr(config, name))
-
-
-def _rate(name: str, lowest: int, value: int) -> BrokenRule:
-    return BrokenRule(
-        name, "range_of_rates", f"{name} must be {lowest}..{HIGHEST_RATE} steps/s or steps/s2, not {value}."
-    )
+    for name, row in SETTINGS.items():
+        value: int | None = getattr(config, name)
+        if row.lowest is None or value is None or row.lowest <= value <= HIGHEST_RATE:
+            continue
+        yield BrokenRule(
+            name,
+            "range_of_rates",
+            f"{name} must be {row.lowest}..{HIGHEST_RATE} steps/s or steps/s2, not {value}.",
+        )
 
 
 def _stop_and_start(config: AxisFields) -> Iterator[BrokenRule]:
@@ -119,18 +107,15 @@ def _eight_points(config: AxisFields) -> Iterator[BrokenRule]:
 
 
 def _maxima(config: AxisFields) -> Iterator[BrokenRule]:
-    rates = (
-        ("max_velocity", (*_VELOCITIES, "start_velocity", "end_velocity")),
-        ("max_acceleration", (*_ACCELERATIONS, "ramp_a1", "ramp_a2", "ramp_d1", "ramp_d2")),
-    )
-    for maximum, names in rates:
-        highest: int = getattr(config, maximum)
-        for name in names:
-            value: int | None = getattr(config, name)
-            if value is not None and value > highest:
-                yield BrokenRule(
-                    name, maximum, f"{name} ({value} steps) must be at most {maximum} ({highest} steps)."
-                )
+    for name, row in SETTINGS.items():
+        if row.maximum is None:
+            continue
+        value: int | None = getattr(config, name)
+        highest: int = getattr(config, row.maximum)
+        if value is not None and value > highest:
+            yield BrokenRule(
+                name, row.maximum, f"{name} ({value} steps) must be at most {row.maximum} ({highest} steps)."
+            )
 
 
 def _positions(config: AxisFields) -> Iterator[BrokenRule]:

@@ -12,7 +12,7 @@ from drivers.errors import MotionFailed
 from drivers.master.axis.axis import Axis
 from drivers.master.drive.tools import AxisTools, Parameter
 from drivers.master.motions.profile_position import check_target
-from drivers.master.plan.axis_parameters import RAMP_V1, RAMP_V2, START_VELOCITY
+from drivers.master.plan.axis_fields import RAMP_V1, RAMP_V2, START_VELOCITY
 from drivers.master.plan.requests import MoveRequest
 from drivers.master.sdo.client import Priority
 from drivers.master.seen.boot_log import Change
