@@ -22,8 +22,8 @@ from app.operations.starting import StarterDep
 from drivers.master.axis.axis import Axis
 from drivers.master.motions.motion import MotionKind
 from drivers.master.plan.requests import MoveRequest, OnBusy
-from drivers.master.together.coordinated_move import GroupMotion
-from drivers.master.together.group_prediction import GroupPrediction
+from drivers.master.together.coordinated_move import CoordinatedMove
+from drivers.master.together.coordinated_prediction import CoordinatedPrediction
 
 router = Router(API, tags=["moves"])
 
@@ -74,10 +74,10 @@ async def move_together(
     at_least, replace = body.duration_s or 0.0, body.on_busy == "replace"
     if dry_run:
         response.status_code = 200
-        return views.prediction(GroupPrediction.of(moves, at_least=at_least, replace=replace))
+        return views.prediction(CoordinatedPrediction.of(moves, at_least=at_least, replace=replace))
 
-    def begin(operation_id: str) -> GroupMotion:
-        group = network.move_together(moves, at_least=at_least, replace=replace, undertaking_id=operation_id)
+    def begin(operation_id: str) -> CoordinatedMove:
+        group = network.move_together(moves, at_least=at_least, replace=replace, operation_id=operation_id)
         for axis, aim in aims:
             meant.sent(axis, aim)
         return group

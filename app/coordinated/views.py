@@ -11,14 +11,14 @@ from app.axes.units import Scale
 from app.coordinated.schemas import MovesPrediction, PredictedAxis
 from app.moves.schemas import PathReply
 from drivers.master.axis.axis import Axis
-from drivers.master.motions.motion import Undertaking
-from drivers.master.together.group_prediction import GroupPrediction
+from drivers.master.motions.motion import Operation
+from drivers.master.together.coordinated_prediction import CoordinatedPrediction
 from drivers.master.together.member import Member
 
 _SUFFIXES = {"position": "", "target": "", "velocity": "/s", "acceleration": "/s2", "deceleration": "/s2"}
 
 
-def result(motion: Undertaking, taking_part: Sequence[Axis]) -> dict[str, Any]:
+def result(motion: Operation, taking_part: Sequence[Axis]) -> dict[str, Any]:
     """What came of it, with each axis's units beside its numbers."""
     assert motion.result is not None
     rows = cast("list[Mapping[str, Any]]", motion.result["axes"])
@@ -36,7 +36,7 @@ def result(motion: Undertaking, taking_part: Sequence[Axis]) -> dict[str, Any]:
     return {**motion.result, "axes": axes}
 
 
-def prediction(found: GroupPrediction) -> MovesPrediction:
+def prediction(found: CoordinatedPrediction) -> MovesPrediction:
     """What it would be, and what prevents it now."""
     prevented = dict(found.hindrances)
     spread = found.coordination.spread_s if found.coordination.profiles else 0.0

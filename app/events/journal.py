@@ -6,7 +6,7 @@ from typing import cast
 
 import structlog
 
-from drivers.master.motions.motion import MotionState, Undertaking
+from drivers.master.motions.motion import MotionState, Operation
 from drivers.master.seen.emergencies import EmergencyRecord
 from drivers.master.seen.events import Event, Subscription
 from drivers.master.seen.status import NodeState, NodeStatus
@@ -30,7 +30,7 @@ async def keep_journal(events: Subscription) -> None:
             case "emergency":
                 _emergency(cast("EmergencyRecord", event.data["record"]))
             case "motion":
-                _motion(event, cast("Undertaking", event.data["motion"]))
+                _motion(event, cast("Operation", event.data["motion"]))
             case "stop" if event.data["latched"]:
                 log.warning("everything is told to stop", reason=event.data["reason"])
             case "stop":
@@ -64,7 +64,7 @@ def _emergency(record: EmergencyRecord) -> None:
         log.info(record.title, node=record.node, axis=record.axis, code=code)
 
 
-def _motion(event: Event, motion: Undertaking) -> None:
+def _motion(event: Event, motion: Operation) -> None:
     if not motion.done:
         return
     tell = log.warning if motion.state is MotionState.FAILED else log.info

@@ -15,7 +15,7 @@ from app.leases.leases import Leases
 from app.nodes import views as nodes
 from app.operations.register import OperationRegister
 from app.stop import views as stop
-from drivers.master.motions.motion import Undertaking
+from drivers.master.motions.motion import Operation
 from drivers.master.network import Network
 from drivers.master.seen.emergencies import EmergencyRecord
 from drivers.master.seen.events import Event
@@ -58,7 +58,7 @@ class Told:
             return nodes.node(self.network.node(event.node)).model_dump(mode="json")
         if event.kind == "emergency" and isinstance(record := event.data["record"], EmergencyRecord):
             return nodes.emergency(record).model_dump(mode="json", by_alias=True)
-        if event.kind == "motion" and isinstance(motion := event.data["motion"], Undertaking):
+        if event.kind == "motion" and isinstance(motion := event.data["motion"], Operation):
             return self.operations.reply_for(motion).model_dump(mode="json")
         return {key: _plain(value) for key, value in event.data.items()}  # bus, lease, stop
 

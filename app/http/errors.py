@@ -22,7 +22,7 @@ from app.http.problems import ApiError, ProblemReply
 from app.http.replies import problem_response
 from app.http.waiting import LONGEST_WAIT
 from drivers.errors import AxisBusy, CanaxisError, LineFull, NotReady
-from drivers.master.motions.motion import Undertaking
+from drivers.master.motions.motion import Operation
 
 log: structlog.stdlib.BoundLogger = structlog.get_logger("canaxis.http")
 
@@ -57,7 +57,7 @@ async def _driver_error(request: Request, error: Exception) -> Response:
     return _reply(request, reply)
 
 
-def _running_motion(request: Request, error: NotReady) -> Undertaking | None:
+def _running_motion(request: Request, error: NotReady) -> Operation | None:
     """What holds the axis."""
     if error.node is None or error.axis is None:
         return None
@@ -67,7 +67,7 @@ def _running_motion(request: Request, error: NotReady) -> Undertaking | None:
     return None if motion is None or motion.done else motion
 
 
-def _rest(motion: Undertaking) -> float | None:
+def _rest(motion: Operation) -> float | None:
     """Seconds until a motion ends if it goes on as until now, or as predicted; None if that can't be told."""
     if motion.started is None:
         return None

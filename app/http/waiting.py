@@ -8,7 +8,7 @@ from typing import Annotated
 
 from fastapi import Depends, Header, Query, Request
 
-from drivers.master.motions.motion import Undertaking
+from drivers.master.motions.motion import Operation
 
 LONGEST_WAIT = 600.0
 _PREFER_WAIT = re.compile(r'(?:^|[,;])\s*wait\s*=\s*"?(\d{1,9})"?\s*(?=$|[,;])', re.IGNORECASE)
@@ -23,7 +23,7 @@ class Wait:
         """Whether it came from the Prefer header, which wants to hear that it was applied."""
         self._request = request
 
-    async def until_end(self, motion: Undertaking) -> bool:
+    async def until_end(self, motion: Operation) -> bool:
         """Wait for a motion, as long as the client wants and is there; True if it ended.
 
         The motion goes on without the client, but its Idempotency-Key must not stay in flight.

@@ -109,7 +109,7 @@ async def wait_for_input(body: WaitBody, node: NodeDep, starter: StarterDep) -> 
         MotionKind.WAIT_INPUT,
         node,
         body.model_dump(exclude_none=True) | {"name": condition.name},
-        lambda operation_id: node.waits.begin(condition, body.timeout_s, undertaking_id=operation_id),
+        lambda operation_id: node.waits.begin(condition, body.timeout_s, operation_id=operation_id),
     )
 
 

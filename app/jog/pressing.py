@@ -29,7 +29,7 @@ from app.operations.register import OperationRegister
 from drivers.errors import AxisFault, CanaxisError
 from drivers.master.axis.axis import Axis
 from drivers.master.motions.jogging import Jog, JogEnd
-from drivers.master.motions.motion import MotionKind, MotionState, Undertaking
+from drivers.master.motions.motion import MotionKind, MotionState, Operation
 from drivers.master.plan.requests import JogRequest, check_velocity
 
 LOSSES = frozenset({"leased", "lease_lost"})
@@ -186,12 +186,12 @@ class Pressing:
     async def _start(self, hold: messages.HoldMessage, acceleration: int | None) -> None:
         asked = hold.model_dump(exclude_none=True, include={"velocity", "unit", "acceleration"})
 
-        def begin(operation_id: str) -> Undertaking:
+        def begin(operation_id: str) -> Operation:
             if not self._session.begins(self._loop.time()):
                 raise _PressOver
             self._check_lease()  # it may have ended while the record was written
             request = JogRequest(self._velocity, acceleration, self._means.silence)
-            jog = self._axis.jog(request, held_at=self._session.held_at, undertaking_id=operation_id)
+            jog = self._axis.jog(request, held_at=self._session.held_at, operation_id=operation_id)
             self._jog = jog
             jog.watch(self._on_change)
             return jog
@@ -231,9 +231,9 @@ class Pressing:
             entry |= {"status": reply.status, "refused": reply.body["code"]}
         self._note(entry)
 
-    def _on_change(self, undertaking: Undertaking) -> None:
+    def _on_change(self, operation: Operation) -> None:
         jog = self._jog
-        if jog is not undertaking or jog is None or not jog.done:
+        if jog is not operation or jog is None or not jog.done:
             return
         self._jog = None
         self._session.at_rest(released=jog.over is JogEnd.RELEASED)

@@ -77,7 +77,7 @@ async def move_axis(
         return views.preview(MotionKind.MOVE.value, axis, axis.preview(request, on_busy), asked)
 
     def begin(operation_id: str) -> Motion:
-        motion = axis.move_to(request, on_busy=on_busy, undertaking_id=operation_id)
+        motion = axis.move_to(request, on_busy=on_busy, operation_id=operation_id)
         meant.sent(axis, aim)
         return motion
 
@@ -118,7 +118,7 @@ async def run_axis(
         MotionKind.VELOCITY,
         axis,
         asked,
-        lambda operation_id: axis.run_at(request, on_busy=on_busy, undertaking_id=operation_id),
+        lambda operation_id: axis.run_at(request, on_busy=on_busy, operation_id=operation_id),
     )
 
 
@@ -136,7 +136,7 @@ async def set_position(
     asked = body.model_dump() | scale.commanded("position", body.position, request.position)
 
     def begin(operation_id: str) -> Motion:
-        motion = axis.set_position(request, undertaking_id=operation_id)
+        motion = axis.set_position(request, operation_id=operation_id)
         meant.sent(axis, aim)
         return motion
 
@@ -168,5 +168,5 @@ async def home_axis(
         MotionKind.HOME,
         axis,
         asked,
-        lambda operation_id: axis.home(request, on_busy=on_busy, undertaking_id=operation_id),
+        lambda operation_id: axis.home(request, on_busy=on_busy, operation_id=operation_id),
     )

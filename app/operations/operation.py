@@ -1,4 +1,4 @@
-"""One operation: an undertaking of the master's, and what the client asked for in its own words."""
+"""One operation: an operation of the master's, and what the client asked for in its own words."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from app.http.schemas import Problem
 from app.operations import evidence
 from app.operations.schemas import OperationAxis, OperationLinks, OperationReply, OperationState
 from drivers.master.axis.axis import Axis
-from drivers.master.motions.motion import MotionKind, Undertaking
+from drivers.master.motions.motion import MotionKind, Operation
 
 NOBODY = Asker(name="anonymous", address="")
-Results = Mapping[MotionKind, Callable[[Undertaking, Sequence[Axis]], dict[str, Any]]]
+Results = Mapping[MotionKind, Callable[[Operation, Sequence[Axis]], dict[str, Any]]]
 """How the result of a kind of motion is shown, where that isn't told by its being of one axis."""
 PLAIN: Results = {}
 
 
-class Operation:
-    """One undertaking, and what the client asked for in its own words."""
+class RegisteredOperation:
+    """One operation, and what the client asked for in its own words."""
 
     def __init__(
         self,
-        motion: Undertaking,
+        motion: Operation,
         axes: Sequence[Axis],
         request: Mapping[str, Any],
         asked_by: Asker = NOBODY,

@@ -20,12 +20,12 @@ from app.http.schemas import Problem
 from app.idempotency.keys import Claim
 from app.operations import evidence
 from app.operations import table as records
-from app.operations.operation import NOBODY, PLAIN, Operation, Results, asked_for
+from app.operations.operation import NOBODY, PLAIN, RegisteredOperation, Results, asked_for
 from app.operations.schemas import OperationReply, OperationState
 from app.store.database import Database, StoreOff
 from drivers.master.axis.axis import Axis
 from drivers.master.ground.where import AxisId
-from drivers.master.motions.motion import MotionKind, Undertaking
+from drivers.master.motions.motion import MotionKind, Operation
 from drivers.master.node.node import Node
 
 KEPT = 1000
@@ -57,7 +57,7 @@ class OperationRegister:
         self._kept = kept
         self._keep_days = keep_days
         self._keep_number = keep_number
-        self._by_id: OrderedDict[str, Operation] = OrderedDict()
+        self._by_id: OrderedDict[str, RegisteredOperation] = OrderedDict()
         self._since_pruning = PRUNE_EACH
         self.started: dict[MotionKind, int] = dict.fromkeys(MotionKind, 0)
         """How many of each kind were ever started."""
@@ -70,12 +70,12 @@ class OperationRegister:
         kind: MotionKind,
         axes: Sequence[Axis],
         request: Mapping[str, Any],
-        begin: Callable[[str], Undertaking],
+        begin: Callable[[str], Operation],
         *,
         node: Node | None = None,
         asked_by: Asker = NOBODY,
         claim: Claim | None = None,
-    ) -> Operation:
+    ) -> RegisteredOperation:
         """Write the operation down, then begin it: `begin` is given its id and may refuse by raising.
 
         The Idempotency-Key that it came with (`claim`) is written down in the same transaction.
@@ -90,22 +90,22 @@ class OperationRegister:
         spent = () if claim is None else claim.spend()
         try:
             await self._store.commit(*spent, records.written(asked, key))
-            undertaking = begin(operation_id)
+            begun = begin(operation_id)
         except BaseException:
             self._store.later(records.removed(operation_id))
             raise
-        return self.add(undertaking, request, asked_by=asked_by, key=key)
+        return self.add(begun, request, asked_by=asked_by, key=key)
 
     def add(
         self,
-        motion: Undertaking,
+        motion: Operation,
         request: Mapping[str, Any],
         *,
         asked_by: Asker = NOBODY,
         key: str | None = None,
-    ) -> Operation:
+    ) -> RegisteredOperation:
         """Remember what was just begun, and forget the oldest that ended."""
-        operation = Operation(motion, self._axes(motion), request, asked_by, key, self._results)
+        operation = RegisteredOperation(motion, self._axes(motion), request, asked_by, key, self._results)
         self._by_id[operation.id] = operation
         self.started[motion.kind] += 1
         motion.watch(lambda _: self._write(operation))
@@ -119,7 +119,7 @@ class OperationRegister:
 
     # --- looking ---
 
-    def live(self, operation_id: str) -> Operation | None:
+    def live(self, operation_id: str) -> RegisteredOperation | None:
         """The operation of that id, if this run of the service began it and still holds it."""
         return self._by_id.get(operation_id)
 
@@ -136,17 +136,17 @@ class OperationRegister:
             raise ApiError("unknown_operation", f"There is no operation {operation_id[:64]!r}.")
         return found
 
-    def reply_for(self, motion: Undertaking) -> OperationReply:
-        """What the wire shows of an undertaking, whoever began it."""
+    def reply_for(self, motion: Operation) -> OperationReply:
+        """What the wire shows of an operation, whoever began it."""
         known = self._by_id.get(motion.id)
         if known is None:
-            known = Operation(motion, self._axes(motion), {}, results=self._results)
+            known = RegisteredOperation(motion, self._axes(motion), {}, results=self._results)
         return known.reply()
 
-    def _axes(self, motion: Undertaking) -> tuple[Axis, ...]:
+    def _axes(self, motion: Operation) -> tuple[Axis, ...]:
         return tuple(self._axis(each) for each in motion.axes)
 
-    def running(self) -> list[Operation]:
+    def running(self) -> list[RegisteredOperation]:
         """What has not ended."""
         return [operation for operation in self._by_id.values() if not operation.motion.done]
 
@@ -217,7 +217,7 @@ class OperationRegister:
 
     # --- writing ---
 
-    def _write(self, operation: Operation) -> None:
+    def _write(self, operation: RegisteredOperation) -> None:
         self._store.later(records.written(operation.reply(), operation.key))
 
     def _write_anew(self) -> None:

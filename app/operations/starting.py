@@ -17,7 +17,7 @@ from app.operations.deps import OPERATIONS
 from app.operations.register import OperationRegister
 from app.operations.schemas import OperationReply
 from drivers.master.axis.axis import Axis
-from drivers.master.motions.motion import MotionKind, Undertaking
+from drivers.master.motions.motion import MotionKind, Operation
 from drivers.master.node.node import Node
 
 
@@ -46,7 +46,7 @@ class Starter:
         kind: MotionKind,
         axes: Axis | Node | Sequence[Axis],
         asked: Mapping[str, Any],
-        begin: Callable[[str], Undertaking],
+        begin: Callable[[str], Operation],
     ) -> OperationReply:
         """Begin what `begin` makes of the operation's id, and wait as long as the client wants.
 
@@ -57,7 +57,7 @@ class Starter:
         check = self._leases.check
         check(taking_part, self._asker.lease)
 
-        def begin_if_still_held(operation_id: str) -> Undertaking:
+        def begin_if_still_held(operation_id: str) -> Operation:
             check(taking_part, self._asker.lease)  # it may have ended while the record was written
             return begin(operation_id)
 

@@ -95,7 +95,7 @@ async def start_trajectory(
     def begin(operation_id: str) -> Trajectory:
         nonlocal begun
         _require_unchanged(axes, configs)
-        trajectory = begin_trajectory(asked, undertaking_id=operation_id)
+        trajectory = begin_trajectory(asked, operation_id=operation_id)
         begun = True
         return trajectory
 

@@ -7,7 +7,7 @@ from drivers.master.axis.axis import Axis
 from drivers.master.axis.commands import AxisCommand
 from drivers.master.ground.timing import Timing
 from drivers.master.motions.jogging import Jog, JogEnd
-from drivers.master.motions.motion import Motion, MotionCancelled, MotionKind, MotionState, Undertaking
+from drivers.master.motions.motion import Motion, MotionCancelled, MotionKind, MotionState, Operation
 from drivers.master.network import Network
 from drivers.master.node.node import Node
 from drivers.master.plan.configuration import AxisConfig, NetworkConfig, NodeConfig
@@ -63,6 +63,7 @@ __all__ = [
     "NodeState",
     "NodeStatus",
     "ObjectSpec",
+    "Operation",
     "Priority",
     "Reference",
     "SetPositionRequest",
@@ -72,6 +73,5 @@ __all__ = [
     "Subscription",
     "Switches",
     "Timing",
-    "Undertaking",
     "VelocityRequest",
 ]

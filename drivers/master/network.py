@@ -31,7 +31,7 @@ from drivers.master.seen.events import EventHub
 from drivers.master.seen.status import BusStatus, Failsafe, NodeState
 from drivers.master.seen.stops import AxisStop, StopLatch, StopOutcome, StopReport
 from drivers.master.seen.watch import HeartbeatProducer
-from drivers.master.together.coordinated_move import GroupMotion
+from drivers.master.together.coordinated_move import CoordinatedMove
 
 
 class Network:
@@ -66,7 +66,7 @@ class Network:
         self._bus_reason = ""
         self._bus_served = False
         self._warnings: dict[str, str] = {}
-        self._groups: set[GroupMotion] = set()
+        self._groups: set[CoordinatedMove] = set()
         self._failed = asyncio.Event()
         self.failure: BaseException | None = None
         """The first unexpected error, a bug; after it the axes were told to stop and the service should end.
@@ -187,10 +187,10 @@ class Network:
         *,
         at_least: float = 0.0,
         replace: bool = False,
-        undertaking_id: str | None = None,
-    ) -> GroupMotion:
-        """Have axes start on one SYNC and arrive together: see `GroupMotion`, which says what is raised."""
-        group = GroupMotion(moves, at_least=at_least, replace=replace, undertaking_id=undertaking_id)
+        operation_id: str | None = None,
+    ) -> CoordinatedMove:
+        """Have axes start on one SYNC and arrive together: `CoordinatedMove` says what is raised."""
+        group = CoordinatedMove(moves, at_least=at_least, replace=replace, operation_id=operation_id)
         self._groups.add(group)
         group.watch(lambda _: self._groups.discard(group) if group.done else None)
         return group

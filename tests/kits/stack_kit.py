@@ -21,7 +21,7 @@ from drivers.master import (
     NodeState,
     Timing,
 )
-from drivers.master.motions.motion import Undertaking
+from drivers.master.motions.motion import Operation
 from drivers.sim.module import SimulatedModule
 from drivers.sim.runner import SimulatedNode
 
@@ -42,10 +42,10 @@ def position_of(axis: Axis) -> int:
     return axis.status.position
 
 
-def result_of(undertaking: Undertaking) -> dict[str, Any]:
+def result_of(operation: Operation) -> dict[str, Any]:
     """What it came to; fails where there is nothing to tell."""
-    assert undertaking.result is not None, undertaking.error
-    return dict(undertaking.result)
+    assert operation.result is not None, operation.error
+    return dict(operation.result)
 
 
 class NeverAbove:

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 from seed_invariants import HIGHEST_SPEED
 from seed_joint import Together, follow, move_together, some_axes
 
-from app.operations.operation import Operation
+from app.operations.operation import RegisteredOperation
 from drivers.cia301.objects import Address
 from drivers.cia402 import objects
 from drivers.errors import CanaxisError
 from drivers.master import Axis, HomeRequest, Motion, MoveRequest, StopOutcome, VelocityRequest
-from drivers.master.motions.motion import Undertaking
+from drivers.master.motions.motion import Operation
 from drivers.master.node.node import Node
 from drivers.master.plan.requests import OnBusy, SetPositionRequest
 
@@ -38,7 +38,7 @@ class Client:
         self._world = world
         self._name = name
         self._rng = rng
-        self._motions: list[Undertaking] = []
+        self._motions: list[Operation] = []
 
     async def live(self, seconds: float) -> None:
         """Command this and that until the time is over."""
@@ -132,10 +132,10 @@ class Client:
 
     async def _follow_all(self, together: Together) -> None:
         self._world.invariants.commanded_together(together)
-        await self._await(together.undertaking)
+        await self._await(together.operation)
 
-    async def _await(self, motion: Undertaking) -> None:
-        self._world.operations.append(Operation(motion, self._axes(motion), {}))
+    async def _await(self, motion: Operation) -> None:
+        self._world.operations.append(RegisteredOperation(motion, self._axes(motion), {}))
         self._motions.append(motion)
         await motion.wait(self._rng.choice((0.0, 0.005, 0.3, 3.0, 20.0)))
 
@@ -151,7 +151,7 @@ class Client:
                 for one in axes:
                     self._world.invariants.acknowledged(one, "a cancellation", commands[one])
 
-    def _axes(self, motion: Undertaking) -> list[Axis]:
+    def _axes(self, motion: Operation) -> list[Axis]:
         return [self._world.network.axis(each) for each in motion.axes]
 
     # --- power and stops

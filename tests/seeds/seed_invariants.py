@@ -17,7 +17,7 @@ from drivers.cia301.objects import Address
 from drivers.cia402 import objects
 from drivers.cia402.power import PowerState
 from drivers.master import Axis, AxisStatus, Motion, MotionKind, MotionState, NodeState
-from drivers.master.motions.motion import Result, Undertaking
+from drivers.master.motions.motion import Operation, Result
 from drivers.master.plan.prediction import predict_home
 from drivers.master.plan.requests import HomeRequest, MoveRequest, SetPositionRequest, VelocityRequest
 from drivers.sim.motion.axis import SimulatedAxis
@@ -72,7 +72,7 @@ class Book:
     enable_ended_at: float = 0.0
     waiting: list[Motion] = field(default_factory=list)
     """Motions that were accepted and are not begun."""
-    open: list[tuple[Undertaking, float, int | None]] = field(default_factory=list)
+    open: list[tuple[Operation, float, int | None]] = field(default_factory=list)
     """Motions that run, when they must have ended, and where a move must end."""
     void: tuple[int, float, str] | None = None
     """What it did with others is over: at how many commands, since when it is free to stand, and what."""
@@ -102,7 +102,7 @@ class Invariants:
         self._answers: dict[int, deque[tuple[Address, bytes]]] = {
             n: deque(maxlen=ANSWERS) for n in world.modules
         }
-        self._ended: list[tuple[Undertaking, MotionState]] = []
+        self._ended: list[tuple[Operation, MotionState]] = []
         self._decoders: dict[int, tuple[Book, str] | None] = {}
         self.books: dict[Axis, Book] = {
             axis: Book(f"{node_id}.{axis.number}", axis, world.modules[node_id].module.axes[axis.number])
@@ -137,16 +137,16 @@ class Invariants:
 
     def commanded_together(self, together: Together) -> None:
         """The master accepted what several axes do together."""
-        undertaking = together.undertaking
+        operation = together.operation
         timing = self._world.network.timing
         # Preparing, and before that coming to rest from something else and the starts of other groups.
         before = 12 * (timing.sdo_queue + timing.sdo_response + timing.sdo_quarantine) + 30.0
         bound = before + together.lasts * timing.motion_factor + timing.motion_margin + timing.stuck
-        for axis, goal in zip(undertaking.axes, together.goals, strict=True):
+        for axis, goal in zip(operation.axes, together.goals, strict=True):
             book = self._book(*axis)
             book.commands += 1
             book.may_turn = str(together)
-            book.open.append((undertaking, self._now + bound, goal))
+            book.open.append((operation, self._now + bound, goal))
 
     def _begun(self, book: Book, motion: Motion) -> None:
         """Its turn has come: a relative move begins from here."""
@@ -166,8 +166,8 @@ class Invariants:
         """The master said that the axis stands; `commands` and `enables` are those of before it was asked."""
         book = self.books[axis]
         if book.commands == commands:
-            for undertaking in {id(entry[0]): entry[0] for entry in book.open}.values():
-                self._over(undertaking)
+            for operation in {id(entry[0]): entry[0] for entry in book.open}.values():
+                self._over(operation)
             if book.turns:
                 self.violated(f"{book.name}: {what} was acknowledged while the motor turns")
             book.may_turn = ""
@@ -176,14 +176,14 @@ class Invariants:
                 self.violated(f"{book.name}: {what} was acknowledged while the axis is enabled")
             book.may_enable = False
 
-    def _over(self, undertaking: Undertaking) -> None:
+    def _over(self, operation: Operation) -> None:
         """One axis's part has ended: unless they are commanded anew, the others come to rest too."""
-        if isinstance(undertaking, Motion):
+        if isinstance(operation, Motion):
             return
-        for axis in undertaking.axes:
+        for axis in operation.axes:
             book = self._book(*axis)
-            if book.open and book.open[-1][0] is undertaking and book.void is None:
-                book.void = book.commands, self._now, str(undertaking.kind)
+            if book.open and book.open[-1][0] is operation and book.void is None:
+                book.void = book.commands, self._now, str(operation.kind)
 
     def restarted(self, node_id: int) -> None:
         """A module starts anew: whatever was commanded is void."""
@@ -373,11 +373,11 @@ class Invariants:
             elif self._now > deadline + self._world.loop.stalled_in_all:
                 self.violated(f"{book.name}: {motion.kind} ({book.may_turn}) has not ended in time")
 
-    def _void(self, book: Book, undertaking: Undertaking) -> None:
-        if not isinstance(undertaking, Motion) and book.void is None:
-            book.void = book.commands, self._now, str(undertaking.kind)
+    def _void(self, book: Book, operation: Operation) -> None:
+        if not isinstance(operation, Motion) and book.void is None:
+            book.void = book.commands, self._now, str(operation.kind)
 
-    def _look_at_end(self, book: Book, motion: Undertaking, goal: int | None) -> None:
+    def _look_at_end(self, book: Book, motion: Operation, goal: int | None) -> None:
         succeeded = motion.state is MotionState.SUCCEEDED
         told = motion.result is not None
         measured = motion.kind is MotionKind.TRAJECTORY  # what its sender came to, however it ended

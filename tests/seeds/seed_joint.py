@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from drivers.master import Axis, MoveRequest, Network
-from drivers.master.motions.motion import Undertaking
-from drivers.master.together.coordinated_move import GroupMotion
+from drivers.master.motions.motion import Operation
+from drivers.master.together.coordinated_move import CoordinatedMove
 from drivers.master.together.trajectory import TrajectoryRequest, begin_trajectory
 from drivers.master.together.trajectory_check import survey
 from drivers.master.together.trajectory_file import PointFile
@@ -22,14 +22,14 @@ _POINT = 0.05
 class Together:
     """One that was accepted."""
 
-    undertaking: Undertaking
+    operation: Operation
     goals: tuple[int | None, ...]
     """Where each axis must stand if it succeeds; None: that depends on where it came to rest before."""
     lasts: float
     """Seconds of the motion itself, at most."""
 
     def __str__(self) -> str:
-        return f"{self.undertaking.kind} to {self.goals}"
+        return f"{self.operation.kind} to {self.goals}"
 
 
 def some_axes(rng: random.Random, axes: Sequence[Axis], first: Axis) -> list[Axis]:
@@ -52,7 +52,7 @@ def move_together(
         (axis, MoveRequest(way, relative=counted, velocity=velocity))
         for axis, way, counted in zip(axes, reach, relative, strict=True)
     ]
-    group: GroupMotion = network.move_together(moves, at_least=at_least, replace=replace, undertaking_id=name)
+    group = network.move_together(moves, at_least=at_least, replace=replace, operation_id=name)
     goals = tuple(
         way if not counted else None if replace or here is None else here + way
         for way, counted, here in zip(reach, relative, standing, strict=True)
@@ -79,7 +79,7 @@ def follow(rng: random.Random, axes: Sequence[Axis], name: str) -> Together:
             )
         found = survey(points.points(), period_ms / 1000, axes)
         request = TrajectoryRequest(tuple(axes), points, period_ms, found)
-        trajectory = begin_trajectory(request, undertaking_id=name)
+        trajectory = begin_trajectory(request, operation_id=name)
     except BaseException:
         points.close()
         raise

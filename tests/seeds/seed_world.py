@@ -15,7 +15,7 @@ from seed_invariants import Invariants
 from seed_trace import Trace
 from virtual_loop import VirtualLoop, service_context
 
-from app.operations.operation import Operation
+from app.operations.operation import RegisteredOperation
 from drivers.bus.base import BusCounters, BusState, FrameHandler, StateHandler
 from drivers.bus.frame import Frame
 from drivers.bus.memory import MemoryBus, MemoryWire
@@ -116,7 +116,7 @@ class World:
             master_node_id=MASTER_ID,
         )
         self.network = Network(bus, config, catalog())
-        self.operations: deque[Operation] = deque(maxlen=20)
+        self.operations: deque[RegisteredOperation] = deque(maxlen=20)
         self.modules: dict[int, SimulatedNode] = {}
         self.module_ports: dict[int, MemoryBus] = {}
         for node_id in node_ids:

@@ -16,9 +16,9 @@ from drivers.master.drive import stopping
 from drivers.master.drive.drive import Drive
 from drivers.master.ground.router import Handler, Router
 from drivers.master.motions import profile_position
-from drivers.master.motions.motion import Undertaking
+from drivers.master.motions.motion import Operation
 from drivers.master.sdo.client import SdoClient
-from drivers.master.together.coordinated_move import GroupMotion
+from drivers.master.together.coordinated_move import CoordinatedMove
 from drivers.master.together.member import Member
 
 FEW = 8
@@ -83,7 +83,7 @@ def an_axis_is_enabled_when_its_node_comes_back(patch: pytest.MonkeyPatch) -> No
 
 
 def a_motion_ends_and_nobody_says_so(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(Undertaking, "fail", lambda self, error: None)
+    patch.setattr(Operation, "fail", lambda self, error: None)
 
 
 def an_old_velocity_starts_with_the_mode(patch: pytest.MonkeyPatch) -> None:
@@ -98,9 +98,9 @@ def an_old_velocity_starts_with_the_mode(patch: pytest.MonkeyPatch) -> None:
 
 
 def the_others_of_a_group_are_forgotten_when_it_is_over(patch: pytest.MonkeyPatch) -> None:
-    abort = GroupMotion._abort
+    abort = CoordinatedMove._abort
 
-    def forgetful(self: GroupMotion, *why: Any) -> None:
+    def forgetful(self: CoordinatedMove, *why: Any) -> None:
         axes = self._axes
         self._axes = ()
         try:
@@ -108,7 +108,7 @@ def the_others_of_a_group_are_forgotten_when_it_is_over(patch: pytest.MonkeyPatc
         finally:
             self._axes = axes
 
-    patch.setattr(GroupMotion, "_abort", forgetful)
+    patch.setattr(CoordinatedMove, "_abort", forgetful)
 
 
 def a_group_takes_one_for_arrived_that_still_turns(patch: pytest.MonkeyPatch) -> None:

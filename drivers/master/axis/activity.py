@@ -10,7 +10,7 @@ from drivers.master.axis.errands import COMING_TO_REST, Errand, ErrandName, Erra
 from drivers.master.axis.waiting_line import Waiting, WaitingLine
 from drivers.master.drive import stopping
 from drivers.master.drive.tools import AxisTools
-from drivers.master.motions.motion import Motion, MotionKind, Result, Undertaking
+from drivers.master.motions.motion import Motion, MotionKind, Operation, Result
 from drivers.master.plan.requests import VelocityRequest
 from drivers.obstacles import SUPERSEDED
 
@@ -52,7 +52,7 @@ class Activity:
     def __init__(self, tools: AxisTools, on_bug: Callable[[BaseException], None]) -> None:
         self._tools = tools
         self._errands = Errands(f"node {tools.node_id} axis {tools.number}", on_bug)
-        self.motion: Undertaking | None = None
+        self.motion: Operation | None = None
         """The motion that runs, if one does: the axis's own, or one in which it takes part."""
         self._guide: Guide | None = None
         self.line = WaitingLine()
@@ -101,13 +101,13 @@ class Activity:
             stopping.begin(self._tools)
             self._errands.begin(ErrandName.STOPPING, self._make_way())
 
-    def expect(self, undertaking: Undertaking) -> None:
+    def expect(self, operation: Operation) -> None:
         """What the axis does ends, and it takes part in this then: whatever ends it until then ends this."""
-        self.motion = undertaking
+        self.motion = operation
 
     def take_part(
         self,
-        undertaking: Undertaking,
+        operation: Operation,
         name: ErrandName,
         work: Callable[[], Work],
         guide: Guide | None = None,
@@ -117,8 +117,8 @@ class Activity:
         What fails here fails the whole, which has every axis stop. The whole succeeds by whoever leads it.
         With a `guide`, that brings the axis to rest as long as it leads it.
         """
-        self.motion, self._guide = undertaking, guide
-        self._errands.begin(name, self._take_part(undertaking, work))
+        self.motion, self._guide = operation, guide
+        self._errands.begin(name, self._take_part(operation, work))
 
     # --- waiting ---
 
@@ -223,22 +223,22 @@ class Activity:
         finally:
             self._forget(motion)
 
-    async def _take_part(self, undertaking: Undertaking, work: Callable[[], Work]) -> None:
+    async def _take_part(self, operation: Operation, work: Callable[[], Work]) -> None:
         """The end of the whole has every axis stopped, this one too."""
         try:
             await work()
         except AxisFault as fault:
-            undertaking.fail(await self._explained(fault))
+            operation.fail(await self._explained(fault))
         except CanaxisError as error:
-            undertaking.fail(error)
+            operation.fail(error)
         except Exception as bug:
             name, where = self._tools.config.name, self._tools.where
-            undertaking.fail(MotionFailed(f"Axis {name}: the service failed: {bug!r}.", **where))
+            operation.fail(MotionFailed(f"Axis {name}: the service failed: {bug!r}.", **where))
             raise
         else:
             self._guide = None
         finally:
-            self._forget(undertaking)
+            self._forget(operation)
 
     async def _rest_along(self, guide: Guide) -> None:
         if not await guide.at_rest():
@@ -272,7 +272,7 @@ class Activity:
         motion.fail(error)
         self.line.clear(f"The operation before it failed: {error.message}")
 
-    def _forget(self, motion: Undertaking) -> None:
+    def _forget(self, motion: Operation) -> None:
         if self.motion is motion:
             self.motion = None
 

@@ -125,7 +125,7 @@ class Axis(AxisBody):
         request: MoveRequest,
         *,
         on_busy: OnBusy = OnBusy.REJECT,
-        undertaking_id: str | None = None,
+        operation_id: str | None = None,
     ) -> Motion:
         """Begin a move in profile position mode, or have it wait or replace what runs, as `on_busy` says.
 
@@ -134,14 +134,14 @@ class Axis(AxisBody):
         """
         self._check(request)
         self._check_way(request, on_busy)
-        return self._undertake(MotionKind.MOVE, request, on_busy, undertaking_id)
+        return self._undertake(MotionKind.MOVE, request, on_busy, operation_id)
 
     def run_at(
         self,
         request: VelocityRequest,
         *,
         on_busy: OnBusy = OnBusy.REJECT,
-        undertaking_id: str | None = None,
+        operation_id: str | None = None,
     ) -> Motion:
         """Begin to turn at a velocity. One velocity without an end replaces another, whatever `on_busy` says.
 
@@ -150,20 +150,20 @@ class Axis(AxisBody):
         self._check(request)
         if (move := request.as_move) is not None:
             self._check_way(move, on_busy)
-        return self._undertake(MotionKind.VELOCITY, request, on_busy, undertaking_id)
+        return self._undertake(MotionKind.VELOCITY, request, on_busy, operation_id)
 
     def home(
         self,
         request: HomeRequest,
         *,
         on_busy: OnBusy = OnBusy.REJECT,
-        undertaking_id: str | None = None,
+        operation_id: str | None = None,
     ) -> Motion:
         """Begin a homing. Raises as `move_to` does."""
         self._check(request)
-        return self._undertake(MotionKind.HOME, request, on_busy, undertaking_id)
+        return self._undertake(MotionKind.HOME, request, on_busy, operation_id)
 
-    def jog(self, request: JogRequest, *, held_at: float, undertaking_id: str | None = None) -> Jog:
+    def jog(self, request: JogRequest, *, held_at: float, operation_id: str | None = None) -> Jog:
         """Begin to turn for as long as `Jog.hold` is called; `held_at`: loop time of the first hold.
 
         Raises as `move_to` does; `BadValue` too at a software limit.
@@ -171,19 +171,19 @@ class Axis(AxisBody):
         self.config.check_rates(velocity=abs(request.velocity), acceleration=request.acceleration)
         self._require(AxisCommand.JOG)
         jogging.check_room(self._tools, request.velocity)
-        jog = Jog(self._tools, request, held_at, self._on_motion, self._end, undertaking_id)
+        jog = Jog(self._tools, request, held_at, self._on_motion, self._end, operation_id)
         self._on_motion(jog)
         self._activity.carry_out(jog, lambda _: jogging.run(self._tools, jog))
         return jog
 
-    def set_position(self, request: SetPositionRequest, *, undertaking_id: str | None = None) -> Motion:
+    def set_position(self, request: SetPositionRequest, *, operation_id: str | None = None) -> Motion:
         """Begin to say where the standing axis is; nothing moves. It needs no power.
 
         Raises as `move_to` does; `NotReady` too where that would move the travel limits of a homed axis.
         """
         self._require(AxisCommand.SET_POSITION)
         position_setting.check(self._tools, request)
-        return self._undertake(MotionKind.SET_POSITION, request, OnBusy.REJECT, undertaking_id)
+        return self._undertake(MotionKind.SET_POSITION, request, OnBusy.REJECT, operation_id)
 
     def preview(self, request: Request, on_busy: OnBusy = OnBusy.REJECT) -> Preview:
         """What a command would come to, and what prevents it now, also of a disabled axis. Nothing is sent.
@@ -263,10 +263,10 @@ class Axis(AxisBody):
             )
 
     def _undertake(
-        self, kind: MotionKind, request: Request, on_busy: OnBusy, undertaking_id: str | None
+        self, kind: MotionKind, request: Request, on_busy: OnBusy, operation_id: str | None
     ) -> Motion:
         admission = admit(self, request, on_busy)
-        motion = Motion(kind, self._tools, request, self._on_motion, self._end, undertaking_id)
+        motion = Motion(kind, self._tools, request, self._on_motion, self._end, operation_id)
         motion.prediction = expected(self, self._tools, request, admission)
         self._on_motion(motion)
         match admission:

@@ -19,7 +19,7 @@ from drivers.master.drive.drive import Condition, Drive
 from drivers.master.drive.setup import AxisSetup, Found
 from drivers.master.drive.tools import AxisTools, CurrentConfig, DriveParameters
 from drivers.master.link.node_link import NodeLink
-from drivers.master.motions.motion import Motion, Undertaking
+from drivers.master.motions.motion import Motion, Operation
 from drivers.master.plan.configuration import AxisConfig
 from drivers.master.plan.pdo_plan import AxisPdos
 from drivers.master.seen.emergencies import EmergencyRecord
@@ -91,7 +91,7 @@ class AxisBody:
         return self.status.adopted is not None
 
     @property
-    def motion(self) -> Undertaking | None:
+    def motion(self) -> Operation | None:
         """The motion that runs, if one does: the axis's own, or one in which it takes part.
 
         A turning that has its velocity is no running motion any more.
@@ -140,19 +140,19 @@ class AxisBody:
         if self.in_reach:
             self._activity.begin(ErrandName.STOPPING, rest())
 
-    def expect(self, undertaking: Undertaking) -> None:
+    def expect(self, operation: Operation) -> None:
         """What the axis does ends, and it takes part in this then: see `take_part`."""
-        self._activity.expect(undertaking)
+        self._activity.expect(operation)
 
     def take_part(
         self,
-        undertaking: Undertaking,
+        operation: Operation,
         name: ErrandName,
         work: Callable[[], Work],
         guide: Guide | None = None,
     ) -> None:
         """Begin this axis's part of what several do together; it must be ready for it, and idle."""
-        self._activity.take_part(undertaking, name, work, guide)
+        self._activity.take_part(operation, name, work, guide)
 
     async def stands(self) -> None:
         """Wait until the axis has come to rest, if that is what it is doing. Raises as `stop` does."""
@@ -308,7 +308,7 @@ class AxisBody:
 
     # --- inside ---
 
-    def _on_contradiction(self, motion: Undertaking, error: CanaxisError) -> None:
+    def _on_contradiction(self, motion: Operation, error: CanaxisError) -> None:
         if self.motion is motion:
             self.interrupt(error, stop=True)
 
@@ -330,7 +330,7 @@ class AxisBody:
             **self._tools.where,
         )
 
-    def _on_motion(self, motion: Undertaking) -> None:
+    def _on_motion(self, motion: Operation) -> None:
         self.backbone.events.publish(
             "motion", node=self.node.node_id, axis=self.number, data={"motion": motion}
         )

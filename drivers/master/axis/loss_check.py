@@ -8,7 +8,7 @@ from collections.abc import Callable
 from drivers.errors import CanaxisError, MotionFailed
 from drivers.master.drive.after_losses import contradiction
 from drivers.master.drive.tools import AxisTools
-from drivers.master.motions.motion import Undertaking
+from drivers.master.motions.motion import Operation
 from drivers.master.seen.emergencies import EmergencyRecord
 
 
@@ -19,7 +19,7 @@ class LossCheck:
         self,
         tools: AxisTools,
         node_name: str,
-        on_contradiction: Callable[[Undertaking, CanaxisError], None],
+        on_contradiction: Callable[[Operation, CanaxisError], None],
         on_bug: Callable[[BaseException], None],
     ) -> None:
         """`on_contradiction` is told of a motion whose last command the drive doesn't show, and the error."""
@@ -29,7 +29,7 @@ class LossCheck:
         self._on_bug = on_bug
         self._task: asyncio.Task[None] | None = None
 
-    def begin(self, motion: Undertaking, record: EmergencyRecord) -> None:
+    def begin(self, motion: Operation, record: EmergencyRecord) -> None:
         """Ask the drive; not where nothing was commanded yet, or it is being asked already."""
         if motion.started is None or self._task is not None:
             return
@@ -42,7 +42,7 @@ class LossCheck:
             self._task.cancel()
             await asyncio.wait({self._task})
 
-    async def _ask(self, motion: Undertaking, record: EmergencyRecord) -> None:
+    async def _ask(self, motion: Operation, record: EmergencyRecord) -> None:
         try:
             wrong = await contradiction(self._tools)
         except CanaxisError as error:

@@ -21,7 +21,7 @@ from drivers.errors import BadValue, BusError, CanaxisError, MotionFailed
 from drivers.master.drive import stopping
 from drivers.master.drive.tools import AxisTools
 from drivers.master.motions import profile_velocity
-from drivers.master.motions.motion import Motion, MotionKind, MotionState, Result, Undertaking
+from drivers.master.motions.motion import Motion, MotionKind, MotionState, Operation, Result
 from drivers.master.plan.configuration import INT32_MAX, INT32_MIN
 from drivers.master.plan.requests import JogRequest
 from drivers.master.seen.status import AxisStatus
@@ -87,12 +87,12 @@ class Jog(Motion):
         tools: AxisTools,
         request: JogRequest,
         held_at: float,
-        on_change: Callable[[Undertaking], None],
+        on_change: Callable[[Operation], None],
         stop: Callable[[Motion, str], Awaitable[None]],
-        undertaking_id: str | None = None,
+        operation_id: str | None = None,
     ) -> None:
         """`held_at`: loop time of the hold that began it; the dead man counts from there."""
-        super().__init__(MotionKind.JOG, tools, request, on_change, stop, undertaking_id)
+        super().__init__(MotionKind.JOG, tools, request, on_change, stop, operation_id)
         self.acceleration = request.acceleration or tools.config.acceleration
         self.velocity = request.velocity
         """What the last hold asked for, steps/s."""

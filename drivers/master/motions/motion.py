@@ -66,7 +66,7 @@ class MotionCancelled(CanaxisError):
     code = "motion_cancelled"
 
 
-class Undertaking(ABC):
+class Operation(ABC):
     """Awaitable and cancellable. It belongs to the axes, not to the client that asked for it."""
 
     noun = "motion"
@@ -76,16 +76,16 @@ class Undertaking(ABC):
         self,
         kind: MotionKind,
         axes: Sequence[AxisTools],
-        on_change: Callable[[Undertaking], None],
-        undertaking_id: str | None = None,
+        on_change: Callable[[Operation], None],
+        operation_id: str | None = None,
         *,
         node_id: int | None = None,
     ) -> None:
-        """`undertaking_id`: where it was written down before it began; None: a new one.
+        """`operation_id`: where it was written down before it began; None: a new one.
 
         `node_id` is what it belongs to where it has no axes.
         """
-        self.id = undertaking_id or uuid.uuid4().hex
+        self.id = operation_id or uuid.uuid4().hex
         self.kind = kind
         self.axes = tuple(axis.id for axis in axes)
         self.node_id = axes[0].node_id if len(axes) == 1 else node_id
@@ -127,7 +127,7 @@ class Undertaking(ABC):
         Raises what `Axis.stop` raises.
         """
 
-    def watch(self, listener: Callable[[Undertaking], None]) -> None:
+    def watch(self, listener: Callable[[Operation], None]) -> None:
         """Have `listener` called, synchronously, whenever the state changes from now on."""
         self._listeners.append(listener)
 
@@ -183,7 +183,7 @@ class Undertaking(ABC):
             listener(self)
 
 
-class Motion(Undertaking):
+class Motion(Operation):
     """What one axis does for one command."""
 
     def __init__(
@@ -191,19 +191,19 @@ class Motion(Undertaking):
         kind: MotionKind,
         axis: AxisTools,
         request: Request,
-        on_change: Callable[[Undertaking], None],
+        on_change: Callable[[Operation], None],
         stop: Callable[[Motion, str], Awaitable[None]],
-        undertaking_id: str | None = None,
+        operation_id: str | None = None,
     ) -> None:
         """`stop` ends it for a reason, at whatever point it is, and returns at standstill; raises what
         `Axis.stop` raises.
         """
-        super().__init__(kind, (axis,), on_change, undertaking_id)
+        super().__init__(kind, (axis,), on_change, operation_id)
         self.axis = axis.id
         self.request = request
         self._stop = stop
 
     async def cancel(self) -> None:
-        """See `Undertaking.cancel`."""
+        """See `Operation.cancel`."""
         if not self.done:
             await self._stop(self, "It was cancelled on request.")

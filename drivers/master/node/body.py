@@ -9,7 +9,7 @@ from drivers.errors import CanaxisError
 from drivers.master.axis.axis import Axis
 from drivers.master.link.backbone import Backbone
 from drivers.master.link.node_link import NodeLink
-from drivers.master.node.io import Terminals
+from drivers.master.node.io import NodeIo
 from drivers.master.node.waiting import Waits
 from drivers.master.plan.configuration import AxisConfig, NodeConfig
 from drivers.master.plan.pdo_plan import NodePdos
@@ -33,7 +33,7 @@ class NodeBody(NodeLink):
                 zip(_axis_configs(config, profile), pdos.axes, strict=True)
             )
         )
-        self.terminals = Terminals(self, [axis.name for axis in self.axes])
+        self.terminals = NodeIo(self, [axis.name for axis in self.axes])
         self.waits = Waits(self)
 
     def energised_after(self, moment: float) -> bool:

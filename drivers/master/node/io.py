@@ -62,7 +62,7 @@ class Output:
     """Whether it drives both levels; otherwise the high side only (2711h)."""
 
 
-class Terminals:
+class NodeIo:
     """What a node has of them.
 
     Raises `NodeAway` while the node is not operational, `SdoError`, `BusError`.

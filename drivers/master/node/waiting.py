@@ -8,7 +8,7 @@ from typing import Protocol
 
 from drivers.errors import BadValue, CanaxisError, InputTimeout, NotReady
 from drivers.master.link.node_link import NodeLink
-from drivers.master.motions.motion import MotionKind, Result, Undertaking
+from drivers.master.motions.motion import MotionKind, Operation, Result
 from drivers.obstacles import TOO_MANY_WAITS
 
 MOST = 64
@@ -30,7 +30,7 @@ class Condition(Protocol):
         ...
 
 
-class InputWait(Undertaking):
+class InputWait(Operation):
     """A wait for one input of a node. It holds no axis and moves nothing."""
 
     noun = "wait"
@@ -40,10 +40,10 @@ class InputWait(Undertaking):
         node: NodeLink,
         condition: Condition,
         timeout_s: float,
-        on_change: Callable[[Undertaking], None],
-        undertaking_id: str | None = None,
+        on_change: Callable[[Operation], None],
+        operation_id: str | None = None,
     ) -> None:
-        super().__init__(MotionKind.WAIT_INPUT, (), on_change, undertaking_id, node_id=node.node_id)
+        super().__init__(MotionKind.WAIT_INPUT, (), on_change, operation_id, node_id=node.node_id)
         self.condition = condition
         self.timeout_s = timeout_s
 
@@ -57,11 +57,9 @@ class Waits:
 
     def __init__(self, node: NodeLink) -> None:
         self._node = node
-        self._running: dict[Undertaking, asyncio.Task[None]] = {}
+        self._running: dict[Operation, asyncio.Task[None]] = {}
 
-    def begin(
-        self, condition: Condition, timeout_s: float, *, undertaking_id: str | None = None
-    ) -> InputWait:
+    def begin(self, condition: Condition, timeout_s: float, *, operation_id: str | None = None) -> InputWait:
         """Begin to wait. Raises `NodeAway`, `BadValue`, and `NotReady` where too many wait already."""
         node = self._node
         if not 0 < timeout_s <= LONGEST:
@@ -70,7 +68,7 @@ class Waits:
         if len(self._running) >= MOST:
             obstacle = TOO_MANY_WAITS.found(f"{MOST} waits run on node {node.name} already.")
             raise NotReady(obstacle.message, obstacles=(obstacle,), node=node.node_id)
-        wait = InputWait(node, condition, timeout_s, self._on_change, undertaking_id)
+        wait = InputWait(node, condition, timeout_s, self._on_change, operation_id)
         self._on_change(wait)
         task = asyncio.create_task(self._carry_out(wait), name=f"node {node.node_id}: wait")
         self._running[wait] = task
@@ -118,7 +116,7 @@ class Waits:
             node=self._node.node_id,
         )
 
-    def _on_change(self, wait: Undertaking) -> None:
+    def _on_change(self, wait: Operation) -> None:
         self._node.backbone.events.publish("motion", node=self._node.node_id, data={"motion": wait})
         task = self._running.get(wait) if wait.done else None
         if task is not None and task is not asyncio.current_task():

@@ -17,11 +17,11 @@ from drivers.errors import AxisFault, CanaxisError, MotionFailed, MotionTimeout
 from drivers.master.axis.axis import Axis
 from drivers.master.axis.errands import ErrandName
 from drivers.master.drive.drive import Condition
-from drivers.master.motions.motion import MotionCancelled, MotionKind, MotionState, Result, Undertaking
+from drivers.master.motions.motion import MotionCancelled, MotionKind, MotionState, Operation, Result
 from drivers.master.plan.requests import MoveRequest
 from drivers.master.seen.status import AxisStatus
+from drivers.master.together.coordinated_prediction import expected, planned
 from drivers.master.together.coordination import Coordination
-from drivers.master.together.group_prediction import expected, planned
 from drivers.master.together.hindrances import SYNC_USER, merged, require_ready
 from drivers.master.together.member import Member
 
@@ -30,7 +30,7 @@ _EMERGENCY_WAIT = 0.1
 """How long the emergency that explains a FAULT may come after the statusword."""
 
 
-class GroupMotion(Undertaking):
+class CoordinatedMove(Operation):
     """A coordinated move. Its end is told when every axis stands, as far as they can be reached."""
 
     def __init__(
@@ -39,7 +39,7 @@ class GroupMotion(Undertaking):
         *,
         at_least: float = 0.0,
         replace: bool = False,
-        undertaking_id: str | None = None,
+        operation_id: str | None = None,
     ) -> None:
         """Check everything, occupy every axis and begin; nothing was sent if it raises.
 
@@ -51,7 +51,7 @@ class GroupMotion(Undertaking):
         self._axes = axes = tuple(member.axis for member in self.members)
         first = planned(self.members, at_least)
         tools = [axis.tools for axis in axes]
-        super().__init__(MotionKind.COORDINATED_MOVE, tools, self._publish, undertaking_id)
+        super().__init__(MotionKind.COORDINATED_MOVE, tools, self._publish, operation_id)
         self.prediction = expected(first, self.members)
         self.coordination: Coordination | None = None
         """The common time, once it is known from where the axes stand."""
@@ -78,7 +78,7 @@ class GroupMotion(Undertaking):
     # --- ending ---
 
     async def cancel(self) -> None:
-        """See `Undertaking.cancel`; every axis stands then."""
+        """See `Operation.cancel`; every axis stands then."""
         if self.done:
             return
         self._abort(MotionState.CANCELLED, _cancelled("It was cancelled on request."))
@@ -324,7 +324,7 @@ class GroupMotion(Undertaking):
             "arrived_s": None if settled is None else round(settled - self._started_at, 4),
         }
 
-    def _publish(self, _: Undertaking) -> None:
+    def _publish(self, _: Operation) -> None:
         axis = self._axes[0]
         alone = len(self._axes) == 1
         axis.backbone.events.publish(

@@ -18,7 +18,7 @@ from drivers.errors import (
 )
 from drivers.master.axis.commands import AxisCommand
 from drivers.master.axis.readiness import obstacles, refusal
-from drivers.master.motions.motion import Undertaking
+from drivers.master.motions.motion import Operation
 from drivers.master.together.member import Member
 
 SYNC_USER = "the start of a coordinated move"
@@ -26,7 +26,7 @@ SYNC_USER = "the start of a coordinated move"
 
 
 def require_ready(
-    members: Sequence[Member], *, replace: bool = False, expected: Undertaking | None = None
+    members: Sequence[Member], *, replace: bool = False, expected: Operation | None = None
 ) -> None:
     """Raise for all axes at once what a move of each would raise, and what `check_request` does.
 
@@ -63,7 +63,7 @@ def check_request(members: Sequence[Member]) -> None:
 
 
 def hindrances(
-    member: Member, *, replace: bool = False, expected: Undertaking | None = None
+    member: Member, *, replace: bool = False, expected: Operation | None = None
 ) -> tuple[Obstacle, ...]:
     """What prevents one axis from taking part: see `require_ready`."""
     axis = member.axis

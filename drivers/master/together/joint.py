@@ -16,7 +16,7 @@ from drivers.master.axis.axis import Axis
 from drivers.master.axis.commands import AxisCommand
 from drivers.master.axis.errands import ErrandName
 from drivers.master.axis.readiness import obstacles, refusal
-from drivers.master.motions.motion import MotionKind, MotionState, Undertaking
+from drivers.master.motions.motion import MotionKind, MotionState, Operation
 
 
 def require_ready(
@@ -40,17 +40,17 @@ def require_ready(
         raise refusal(axes[0], command, more)
 
 
-class Joint(Undertaking):
+class Joint(Operation):
     """All of it or nothing. Whoever leads it has each axis take its part, and lets it succeed."""
 
-    def __init__(self, kind: MotionKind, axes: Sequence[Axis], undertaking_id: str | None = None) -> None:
+    def __init__(self, kind: MotionKind, axes: Sequence[Axis], operation_id: str | None = None) -> None:
         self._axes = tuple(axes)
-        super().__init__(kind, [axis.tools for axis in axes], self._on_change, undertaking_id)
+        super().__init__(kind, [axis.tools for axis in axes], self._on_change, operation_id)
         self.backbone = axes[0].backbone
         self._publish()
 
     async def cancel(self) -> None:
-        """See `Undertaking.cancel`; every axis stands then."""
+        """See `Operation.cancel`; every axis stands then."""
         if not self.done:
             found = await asyncio.gather(
                 *(axis.stop("It was cancelled on request.") for axis in self._axes), return_exceptions=True
@@ -64,7 +64,7 @@ class Joint(Undertaking):
         for axis in self._axes:
             axis.take_part(self, name, functools.partial(part, axis), guide)
 
-    def _on_change(self, _: Undertaking) -> None:
+    def _on_change(self, _: Operation) -> None:
         self._publish()
         if self.done and self.state is not MotionState.SUCCEEDED:
             reason = (

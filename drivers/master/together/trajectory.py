@@ -66,8 +66,8 @@ def check_period(period_ms: int) -> None:
 class Trajectory(Joint):
     """One path under way. Made ready and occupied in the same turn of the loop: see `begin_trajectory`."""
 
-    def __init__(self, request: TrajectoryRequest, undertaking_id: str | None) -> None:
-        super().__init__(MotionKind.TRAJECTORY, request.axes, undertaking_id)
+    def __init__(self, request: TrajectoryRequest, operation_id: str | None) -> None:
+        super().__init__(MotionKind.TRAJECTORY, request.axes, operation_id)
         self._request = request
         self._period = request.period_ms / 1000
         self.prediction = _expected(request.survey)
@@ -289,7 +289,7 @@ class Trajectory(Joint):
         self._news.set()
 
 
-def begin_trajectory(request: TrajectoryRequest, *, undertaking_id: str | None = None) -> Trajectory:
+def begin_trajectory(request: TrajectoryRequest, *, operation_id: str | None = None) -> Trajectory:
     """Follow a path that was surveyed.
 
     Raises, before a frame is sent, `BadValue`, `NotReady`, `AxisBusy`, `StopLatched` or `NodeAway`.
@@ -299,7 +299,7 @@ def begin_trajectory(request: TrajectoryRequest, *, undertaking_id: str | None =
     for axis in axes:
         trajectory_axis.require_supported(axis)
     require_ready(axes, AxisCommand.MOVE, axes[0].backbone.sync.obstacles() if axes else ())
-    trajectory = Trajectory(request, undertaking_id)
+    trajectory = Trajectory(request, operation_id)
     trajectory.start()
     return trajectory
 

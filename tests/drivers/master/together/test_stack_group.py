@@ -17,7 +17,7 @@ from drivers.cia402.power import PowerState
 from drivers.errors import AxisBusy, BadValue, NotReady
 from drivers.master import AxisConfig, HomeRequest, MotionState, MoveRequest, VelocityRequest
 from drivers.master.sdo.queue import Priority
-from drivers.master.together.coordinated_move import GroupMotion
+from drivers.master.together.coordinated_move import CoordinatedMove
 from drivers.sim.motion.goals import Goal
 from drivers.sim.motion.motor import Motor
 
@@ -58,14 +58,14 @@ class Watch:
         return bool(self._legs[node_id, axis])
 
 
-def go(stack: Stack, *targets: int, node_id: int = 1, **options: Any) -> GroupMotion:
+def go(stack: Stack, *targets: int, node_id: int = 1, **options: Any) -> CoordinatedMove:
     axes = stack.network.nodes[node_id].axes
     return stack.network.move_together(
         [(axis, MoveRequest(target)) for axis, target in zip(axes, targets, strict=False)], **options
     )
 
 
-async def at_rest(stack: Stack, group: GroupMotion) -> None:
+async def at_rest(stack: Stack, group: CoordinatedMove) -> None:
     """The group has ended, once, and every motor stands and stays so."""
     assert await group.wait(60)
     modules = [node.module for node in stack.modules.values()]

@@ -15,7 +15,7 @@ from drivers.master.together.member import Member
 
 
 @dataclass(frozen=True, slots=True)
-class GroupPrediction:
+class CoordinatedPrediction:
     """A coordinated move that was not commanded: nothing was sent."""
 
     coordination: Coordination
@@ -26,7 +26,7 @@ class GroupPrediction:
     @classmethod
     def of(
         cls, moves: Sequence[tuple[Axis, MoveRequest]], *, at_least: float = 0.0, replace: bool = False
-    ) -> GroupPrediction:
+    ) -> CoordinatedPrediction:
         """From where the axes were seen last. Raises `BadValue` for what no state of the axes would allow."""
         members = tuple(Member(axis, request) for axis, request in moves)
         check_request(members)
