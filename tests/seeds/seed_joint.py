@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 from drivers.master import Axis, MoveRequest, Network
 from drivers.master.motions.motion import Operation
-from drivers.master.together.coordinated_move import CoordinatedMove
 from drivers.master.together.trajectory import TrajectoryRequest, begin_trajectory
 from drivers.master.together.trajectory_check import survey
 from drivers.master.together.trajectory_file import PointFile

@@ -174,8 +174,8 @@ async def test_a_dry_run_of_each_kind_and_each_choice(bench: Bench) -> None:
 async def between(low: int, high: int) -> AsyncIterator[Bench]:
     """A service whose axis 0 stands, enabled, at 0, and may be sent to `low`..`high` steps."""
     axes = [{"name": "x", "soft_limits": [low, high]}, {"name": "y"}]
-    settings = Configuration.model_validate({"nodes": [{"id": 1, "name": "stage", "axes": axes}]})
-    async with running(settings) as bench:
+    configuration = Configuration.model_validate({"nodes": [{"id": 1, "name": "stage", "axes": axes}]})
+    async with running(configuration) as bench:
         await bench.until_ready()
         await bench.enable("0", "1")
         yield bench

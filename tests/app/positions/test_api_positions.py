@@ -10,8 +10,9 @@ from typing import Any
 import pytest
 from api_bench import Bench, running
 
-from app.configuration.axes import AxisSettings, Measure
+from app.configuration.axes import AxisSettings
 from app.configuration.configuration import Configuration, NodeSettings, StoreConfiguration
+from app.configuration.measures import Measure
 
 pytestmark = pytest.mark.looptime
 
