@@ -8,9 +8,9 @@ import inspect
 import os
 from collections.abc import AsyncIterator, Callable, Mapping
 
-import looptime
 import pytest
 from hypothesis import HealthCheck, settings
+from virtual_clock import virtual_loop
 
 from drivers.devices.catalog import Catalog
 
@@ -50,11 +50,4 @@ def pytest_asyncio_loop_factories(item: pytest.Item) -> Mapping[str, Callable[[]
     a lifetime later, or all at once.
     """
     virtual = item.get_closest_marker("looptime") is not None
-    return {"virtual": _virtual_loop} if virtual else {"real": asyncio.new_event_loop}
-
-
-def _virtual_loop() -> asyncio.AbstractEventLoop:
-    """No idle turns before each step of the clock, of which looptime makes 42: most of a test's time."""
-    loop = looptime.new_event_loop()
-    loop.setup_looptime(noop_cycles=0)
-    return loop
+    return {"virtual": virtual_loop} if virtual else {"real": asyncio.new_event_loop}

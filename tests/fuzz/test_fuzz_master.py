@@ -5,11 +5,12 @@ from __future__ import annotations
 import asyncio
 from dataclasses import dataclass, fields
 
-import looptime
+import pytest
 from fuzz_frames import frames_near
 from hypothesis import HealthCheck, Phase, example, given, settings
 from hypothesis import strategies as st
 from stack_kit import Stack, stack_of, until
+from virtual_clock import virtual_loop
 
 from drivers.bus.frame import Frame
 from drivers.cia301 import cob
@@ -148,6 +149,7 @@ async def recovers(stack: Stack) -> None:
         raise AssertionError(f"the axis can't be enabled afterwards: {error.message}") from error
 
 
+@pytest.mark.timeout(180)
 @settings(max_examples=12, deadline=None, phases=PHASES, suppress_health_check=[HealthCheck.too_slow])
 @given(situations, bursts)
 @example("enabled", [Burst([Frame(cob.tpdo(1, 1), b"\x27\x16\x01")], 0.4)])
@@ -157,5 +159,5 @@ async def recovers(stack: Stack) -> None:
 )
 @example("operational", [Burst([Frame(cob.heartbeat(1), b"\x00")] * 20, 0.003)])
 def test_no_frames_break_a_master(situation: str, program: list[Burst]) -> None:
-    with asyncio.Runner(loop_factory=looptime.new_event_loop) as runner:
+    with asyncio.Runner(loop_factory=virtual_loop) as runner:
         runner.run(play(situation, program))

@@ -10,10 +10,10 @@ import json
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import looptime
 from fuzz_frames import frames_near
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from virtual_clock import virtual_loop
 
 from drivers.bus.frame import Frame
 from drivers.cia301 import cob
@@ -177,7 +177,7 @@ def arguments(draw: st.DrawFn) -> tuple[str, dict[str, object]]:
 def test_whatever_the_fault_panel_is_asked_it_does_or_says_what_is_allowed(
     asked: list[tuple[str, dict[str, object]]],
 ) -> None:
-    with asyncio.Runner(loop_factory=looptime.new_event_loop) as runner:
+    with asyncio.Runner(loop_factory=virtual_loop) as runner:
         runner.run(ask(asked))
 
 

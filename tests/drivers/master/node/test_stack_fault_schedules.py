@@ -5,10 +5,10 @@ from __future__ import annotations
 import asyncio
 from dataclasses import dataclass
 
-import looptime
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from stack_kit import Stack, stack_of, until
+from virtual_clock import virtual_loop
 
 from drivers.bus.faults import cob_id
 from drivers.cia402 import objects
@@ -180,5 +180,5 @@ async def play(program: list[tuple[Step, list[Trouble]]]) -> None:
 @settings(max_examples=12, deadline=None, phases=PHASES, suppress_health_check=[HealthCheck.too_slow])
 @given(steps)
 def test_the_invariants_hold_under_any_schedule_of_faults(program: list[tuple[Step, list[Trouble]]]) -> None:
-    with asyncio.Runner(loop_factory=looptime.new_event_loop) as runner:
+    with asyncio.Runner(loop_factory=virtual_loop) as runner:
         runner.run(play(program))

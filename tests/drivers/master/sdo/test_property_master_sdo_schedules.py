@@ -7,9 +7,9 @@ import math
 from dataclasses import dataclass, field
 from random import Random
 
-import looptime
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from virtual_clock import virtual_loop
 
 from drivers.bus.frame import Frame
 from drivers.cia301.objects import Address
@@ -156,7 +156,7 @@ def test_every_caller_gets_its_own_value_or_an_error(seed: int) -> None:
     random = Random(seed)
     schedule = [drawn(random) for _ in range(random.randint(1, 25))]
     problems: list[str] = []
-    with asyncio.Runner(loop_factory=looptime.new_event_loop) as runner:
+    with asyncio.Runner(loop_factory=virtual_loop) as runner:
         runner.get_loop().set_exception_handler(lambda _, context: problems.append(str(context)))
 
         async def run() -> None:
