@@ -75,8 +75,7 @@ MINUTES ?= 10
 
 .PHONY: mutants
 mutants: $(VENV)/.dev  ## Plant faults where motors are moved, print those that no test finds: MINUTES=10 SEED= FILES= JOBS= MUTANT=
-	$(BIN)/python tests/mutants --minutes $(MINUTES) $(if $(SEED),--seed $(SEED)) $(if $(JOBS),--jobs $(JOBS)) \
-		$(if $(FILES),--files $(foreach file,$(FILES),'$(file)')) $(if $(MUTANT),--mutant $(MUTANT))
+	$(BIN)/python tests/mutants --minutes $(MINUTES) $(if $(SEED),--seed $(SEED)) $(if $(JOBS),--jobs $(JOBS)) $(if $(FILES),--files $(foreach file,$(FILES),'$(file)')) $(if $(MUTANT),--mutant $(MUTANT))
 
 .PHONY: fuzz
 fuzz: $(VENV)/.fuzz  ## Fuzz the decoders, guided by coverage: TARGET=name SECONDS=60 (each)

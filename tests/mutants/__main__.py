@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import os
 import random
+import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -34,6 +35,7 @@ FIND = (Verdict.FOUND, Verdict.HUNG, Verdict.DIED)
 def main() -> int:
     """Read the command line and try mutants."""
     began = time.monotonic()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # it ends early, as by Ctrl-C
     options = _options()
     root: Path = options.root.resolve()
     os.chdir(root)
@@ -157,13 +159,15 @@ def _many(
         nonlocal told
         outcomes.append(outcome)
         now = time.monotonic()
+        if outcome.verdict not in FIND:
+            print(f"{outcome.mutant}: {outcome.verdict.value}", flush=True)
         if now - told > 10:
             told = now
             found = sum(one.verdict in FIND for one in outcomes)
             print(f"{len(outcomes)} tried, {found} found, {now - began:.0f} s", flush=True)
 
     Trials(root, record, options.jobs, options.patience, options.slack, until, tell).run(sample)
-    return outcomes  # also if Ctrl-C ended it early, which is pytest's to take
+    return outcomes  # also if it was ended early: pytest takes a Ctrl-C for itself
 
 
 def _report(

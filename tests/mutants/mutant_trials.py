@@ -233,6 +233,7 @@ class Trials:
         """Run the tests until one fails, here or in a pytest that begins `anew`; never returns."""
         try:
             os.setsid()
+            signal.signal(signal.SIGTERM, signal.SIG_DFL)
             null = os.open(os.devnull, os.O_RDWR)
             for stream, file in enumerate((null, self.output or null, self.output or null)):
                 os.dup2(file, stream)
