@@ -37,7 +37,11 @@ async def no_task_left_behind() -> AsyncIterator[None]:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give the leak check to every test that runs in an event loop, as its outermost fixture."""
+    """Give the leak check to every test that runs in an event loop, as its outermost fixture.
+
+    What waits for processes comes first, so that no worker is left with it when all others have ended.
+    """
+    items.sort(key=lambda item: item.get_closest_marker("process") is None)
     for item in items:
         if isinstance(item, pytest.Function) and inspect.iscoroutinefunction(item.function):
             item.fixturenames.insert(0, "no_task_left_behind")
