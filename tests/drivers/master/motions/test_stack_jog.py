@@ -81,6 +81,19 @@ async def test_it_turns_while_it_is_held_and_a_release_ramps_down(stack: Stack) 
     assert truly(stack).place == rest, "a released halt takes nothing up again"
 
 
+async def test_who_holds_once_and_is_silent_is_not_turned_for_longer_than_the_silence_allows(
+    stack: Stack,
+) -> None:
+    axis = (await stack.enabled())[0]
+    begun = now()
+    jog = axis.jog(REQUEST, held_at=begun)
+    await until(lambda: truly(stack).moving)
+    await until(lambda: not truly(stack).moving)
+    assert now() - begun <= REQUEST.silence_s + RAMP + LATE
+    await jog.wait(5)
+    assert jog.over is JogEnd.SILENCE
+
+
 async def test_silence_stops_it_and_later_holds_do_not_revive_it(stack: Stack) -> None:
     axis, jog = await turning(stack)
     jog.hold(SPEED, last := now())
