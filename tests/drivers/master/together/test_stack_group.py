@@ -20,6 +20,7 @@ from drivers.master.sdo.queue import Priority
 from drivers.master.together.coordinated_move import CoordinatedMove
 from drivers.sim.motion.goals import Goal
 from drivers.sim.motion.motor import Motor
+from drivers.sim.snapshot import take
 
 pytestmark = pytest.mark.looptime
 
@@ -85,6 +86,22 @@ FAST = tuple(
     AxisConfig(name=name, velocity=200_000, acceleration=900_000, deceleration=rate)
     for name, rate in (("x", 900_000), ("y", 600_000), ("z", 1_200_000))
 )
+
+
+async def test_each_axis_keeps_to_the_speed_that_was_asked_of_it() -> None:
+    asked = 20_000
+    async with stack_of(1, axes=FAST) as stack:
+        x, y, _ = await stack.enabled()
+        module = stack.modules[1]
+        group = stack.network.move_together(
+            [(x, MoveRequest(60_000, velocity=asked)), (y, MoveRequest(-30_000))]
+        )
+        fastest = 0.0
+        while not group.done:
+            fastest = max(fastest, abs(take(1, module, ()).axes[0].velocity))
+            await asyncio.sleep(0.01)
+        assert group.state is MotionState.SUCCEEDED, group.error
+        assert asked * 0.99 <= fastest <= asked
 
 
 async def test_random_targets_start_on_one_sync_and_arrive_within_ten_milliseconds() -> None:

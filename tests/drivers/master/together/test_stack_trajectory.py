@@ -17,7 +17,7 @@ from drivers.cia402.modes import Mode
 from drivers.cia402.power import PowerState
 from drivers.cyclic.inloop import LoopSender
 from drivers.cyclic.playback import Row
-from drivers.errors import AxisBusy, AxisFault, MotionFailed, NodeAway, NotReady
+from drivers.errors import AxisBusy, AxisFault, MotionFailed, NodeAway, NotReady, TrajectoryRefused
 from drivers.master import AxisConfig, MoveRequest, NodeState, VelocityRequest
 from drivers.master.axis.axis import Axis
 from drivers.master.motions.motion import MotionState
@@ -27,6 +27,8 @@ from drivers.master.together.trajectory_file import PointFile
 
 PERIOD = 0.01
 SECONDS = 2.0
+SLOW = 20.0
+"""Seconds in which no acceleration is in the way."""
 Way = Callable[[float], float]
 
 
@@ -59,6 +61,27 @@ def follow(axes: tuple[Axis, ...], points: PointFile, period_ms: int = 10) -> Tr
 def motors(stack: Stack) -> list[float]:
     now = asyncio.get_running_loop().time()
     return [axis.motor.position(now) for axis in stack.modules[1].module.axes]
+
+
+@pytest.mark.parametrize("share", [0.99, 1.01])
+@pytest.mark.looptime
+async def test_a_path_is_refused_that_is_faster_than_its_axis_may_be(stack: Stack, share: float) -> None:
+    (axis, *_) = await stack.enabled()
+    top = axis.config.velocity * share
+
+    def smooth(t: float) -> float:  # its speed is half a wave: nothing, then `top`, then nothing
+        return top * SLOW / math.pi * (1 - math.cos(math.pi * t / SLOW))
+
+    points = points_of(smooth, seconds=SLOW)
+    try:
+        if share < 1:
+            assert survey(points.points(), 0.01, (axis,)).peaks[0].speed == pytest.approx(top, rel=0.01)
+            return
+        with pytest.raises(TrajectoryRefused) as refused:
+            survey(points.points(), 0.01, (axis,))
+        assert refused.value.quantity == "velocity"
+    finally:
+        points.close()
 
 
 @pytest.mark.looptime
